@@ -1,0 +1,25 @@
+"""Numbers both ends agree on."""
+
+PROTOCOL_VERSION = 1
+
+MAX_FRAME_BYTES = 64 * 1024
+"""Largest request or reply body [bytes]. A solve request takes about 1.3 kB as JSON, 0.6 kB as MessagePack."""
+
+MAX_ID = 2**53 - 1
+"""Largest request id: the integers a JSON number carries exactly (RFC 8259, section 6)."""
+
+MAX_ABS_POSITION = 100.0
+"""Largest coordinate of a wrist target [m]. Anything beyond is a unit mistake, not a target."""
+
+MAX_ABS_JOINT = 100.0
+"""Largest norm of the joint positions [rad] or velocities [rad/s] a request may carry."""
+
+ROTATION_TOLERANCE = 1e-3
+"""Largest Frobenius norm of R^T R - I that still counts as a rotation; within it, R is projected onto SO(3).
+Larger than any float32 round trip leaves, small enough that a shear or a scale is refused."""
+
+DEFAULT_TCP = "127.0.0.1:12345"
+"""Where the TCP JSON endpoint listens unless told otherwise [host:port]; the port of OpenWBT's `ik_server`."""
+
+DEFAULT_ZENOH = "tcp/127.0.0.1:7447"
+"""Where the Zenoh endpoint listens unless told otherwise [Zenoh locator]."""

@@ -1,0 +1,126 @@
+"""Write the golden frames: `python proto/vectors/make.py`.
+
+Each example is written as a JSON body (`NAME.json`) and as a MessagePack body (`NAME.msgpack`), one also as a whole
+TCP frame (`solve_request.frame`). The numbers are chosen to catch a swapped arm, a transposed matrix and a wrong byte
+order; a test holds the files to the code.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from ik_proto import (
+    JSON,
+    MSGPACK,
+    Document,
+    FkReply,
+    FkRequest,
+    InfoReply,
+    InfoRequest,
+    SolveReply,
+    SolveRequest,
+    Status,
+    encode_frame,
+    reply_document,
+    request_document,
+)
+
+FOLDER = Path(__file__).parent
+
+
+def pose(x: float, y: float, z: float) -> np.ndarray:
+    """A quarter turn about z, exact in floating point and not symmetric, at a position [m]."""
+    return np.array([[0.0, -1.0, 0.0, x], [1.0, 0.0, 0.0, y], [0.0, 0.0, 1.0, z], [0.0, 0.0, 0.0, 1.0]])
+
+
+LEFT, RIGHT = pose(0.25, 0.125, 0.0625), pose(0.375, -0.25, 0.5)
+Q = np.arange(14) / 16.0
+TAU = (np.arange(14) - 7.0) / 8.0
+NAMES = [f"{side}_joint_{k}" for side in ("left", "right") for k in range(1, 8)]
+
+EXAMPLES: dict[str, Document] = {
+    "solve_request": request_document(SolveRequest(LEFT, RIGHT, Q, -Q, preset="openwbt", id=7)),
+    "fk_request": request_document(FkRequest(Q, id=8)),
+    "info_request": request_document(InfoRequest(id=9)),
+    "openwbt_request": {
+        "left_wrist": LEFT.tolist(),
+        "right_wrist": RIGHT.tolist(),
+        "current_lr_arm_q": Q.tolist(),
+        "current_lr_arm_dq": (-Q).tolist(),
+    },
+    "solve_reply": reply_document(
+        SolveReply(
+            success=True,
+            error="",
+            status=Status.OK,
+            id=7,
+            boot_id="c0ffee0123456789",
+            sol_q=Q + 0.5,
+            tau=TAU,
+            position_error=np.array([0.00390625, 0.0078125]),
+            rotation_error=np.array([0.015625, 0.03125]),
+            iterations=4,
+            solve_us=11.5,
+            server_us=23.25,
+        )
+    ),
+    "refusal": reply_document(
+        SolveReply(
+            success=False,
+            error="left_wrist must have shape 4x4, not 3x3",
+            status=Status.BAD_REQUEST,
+            id=10,
+            boot_id="c0ffee0123456789",
+            sol_q=Q,
+        )
+    ),
+    "fk_reply": reply_document(
+        FkReply(
+            success=True,
+            error="",
+            status=Status.OK,
+            id=8,
+            boot_id="c0ffee0123456789",
+            left_wrist=LEFT,
+            right_wrist=RIGHT,
+        )
+    ),
+    "info_reply": reply_document(
+        InfoReply(
+            success=True,
+            error="",
+            status=Status.OK,
+            id=9,
+            boot_id="c0ffee0123456789",
+            protocol=1,
+            version="0.1.0",
+            robot="g1",
+            model_hash="00" * 32,
+            joint_names=NAMES,
+            lower=-1.0 - Q,
+            upper=1.0 + Q,
+            velocity=np.full(14, 37.0),
+            shoulders=np.array([[0.0, 0.125, 0.25], [0.0, -0.125, 0.25]]),
+            reach=np.array([0.5, 0.5]),
+            presets=["openwbt"],
+            default_preset="openwbt",
+            kernel="c",
+        )
+    ),
+}
+
+
+def files() -> dict[str, bytes]:
+    """All golden files by name."""
+    contents: dict[str, bytes] = {}
+    for name, document in EXAMPLES.items():
+        contents[f"{name}.json"] = JSON.encode(document)
+        if name != "openwbt_request":
+            contents[f"{name}.msgpack"] = MSGPACK.encode(document)
+    contents["solve_request.frame"] = encode_frame(contents["solve_request.json"])
+    return contents
+
+
+if __name__ == "__main__":
+    for name, content in files().items():
+        (FOLDER / name).write_bytes(content)

@@ -1,0 +1,185 @@
+"""Requests: what is accepted, what is refused and in which words, and that nothing else can happen."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ik_proto import (
+    JSON,
+    MSGPACK,
+    Codec,
+    DecodeError,
+    FkRequest,
+    InfoRequest,
+    RequestError,
+    SolveRequest,
+    Status,
+    parse_request,
+    request_document,
+)
+
+N = 14
+T = np.array([[0.0, -1.0, 0.0, 0.3], [1.0, 0.0, 0.0, 0.2], [0.0, 0.0, 1.0, 0.1], [0.0, 0.0, 0.0, 1.0]])
+Q = np.linspace(-1.0, 1.0, N)
+
+
+def solve_document(**changes: Any) -> dict[str, Any]:
+    document = {"verb": "solve", "id": 5, "left_wrist": T.tolist(), "right_wrist": T.tolist(), "q": Q.tolist()}
+    document["dq"] = [0.0] * N
+    document.update(changes)
+    return {name: value for name, value in document.items() if value is not ...}
+
+
+@pytest.mark.parametrize("codec", [JSON, MSGPACK], ids=lambda codec: codec.name)
+def test_a_solve_survives_the_wire(codec: Codec) -> None:
+    sent = SolveRequest(T, T @ T, Q, -Q, preset="openwbt", id=2**53 - 1)
+    got = parse_request(codec.decode(codec.encode(request_document(sent))), N)
+    assert isinstance(got, SolveRequest)
+    for name in ("q", "dq", "left_wrist"):
+        assert np.array_equal(getattr(got, name), getattr(sent, name)), name
+    assert np.allclose(got.right_wrist, sent.right_wrist, atol=1e-15)
+    assert (got.preset, got.id) == (sent.preset, sent.id)
+
+
+@pytest.mark.parametrize("codec", [JSON, MSGPACK], ids=lambda codec: codec.name)
+def test_fk_and_info_survive_the_wire(codec: Codec) -> None:
+    fk = parse_request(codec.decode(codec.encode(request_document(FkRequest(Q, id=3)))), N)
+    assert isinstance(fk, FkRequest)
+    assert np.array_equal(fk.q, Q)
+    assert fk.id == 3
+    assert parse_request(codec.decode(codec.encode(request_document(InfoRequest(id=4)))), N) == InfoRequest(id=4)
+
+
+def test_openwbt_form_is_a_solve_and_its_extra_keys_are_ignored() -> None:
+    body = json.dumps(
+        {
+            "left_wrist": T.tolist(),
+            "right_wrist": T.tolist(),
+            "current_lr_arm_q": Q.tolist(),
+            "current_lr_arm_dq": [0.0] * N,
+            "left_hand": [1, 2, 3],
+        }
+    ).encode()
+    got = parse_request(JSON.decode(body), N)
+    assert isinstance(got, SolveRequest)
+    assert np.array_equal(got.q, Q)
+
+
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+    "no left wrist": (solve_document(left_wrist=...), "left_wrist is missing"),
+    "3x3 pose": (solve_document(left_wrist=np.eye(3).tolist()), "left_wrist must have shape 4x4, not 3x3"),
+    "13 joints": (solve_document(q=[0.0] * 13), "q must have shape 14, not 13"),
+    "ragged": (solve_document(q=[[0.0], [0.0, 1.0]]), "q must be an array of numbers"),
+    "text": (solve_document(q=["0"] * N), "q must be an array of numbers"),
+    "booleans": (solve_document(q=[True] * N), "q must be an array of numbers"),
+    "a number": (solve_document(q=1.0), "q must have shape 14, not of a single number"),
+    "a mapping": (solve_document(q={"a": 1}), "q must be an array of numbers"),
+    "huge integers": (solve_document(q=[10**400] * N), "q must be an array of numbers"),
+    "NaN": (solve_document(dq=[float("nan")] + [0.0] * 13), "dq holds a number that is not finite"),
+    "infinity": (solve_document(q=[float("inf")] + [0.0] * 13), "q holds a number that is not finite"),
+    "degrees": (solve_document(q=[90.0] * N), "q is beyond 100"),
+    "short bytes": (solve_document(q=b"12345"), "q must be raw float64 of shape 14, 5 bytes came"),
+    "float32 bytes": (solve_document(q=np.zeros(N, "f4").tobytes()), "q must be raw float64 of shape 14, 56 bytes"),
+    "reflection": (solve_document(right_wrist=np.diag([1, 1, -1, 1]).tolist()), "right_wrist is not a pose: .*reflec"),
+    "misspelt field": (solve_document(presett="precise"), "solve has no field 'presett'"),
+    "negative id": (solve_document(id=-1), "id must be an integer"),
+    "boolean id": (solve_document(id=True), "id must be an integer"),
+    "id beyond JSON": (solve_document(id=2**53), "id must be an integer"),
+    "preset of another type": (solve_document(preset=7), "preset must be a string"),
+    "field of another verb": ({"verb": "fk", "q": Q.tolist(), "dq": Q.tolist()}, "fk has no field 'dq'"),
+}
+
+
+@pytest.mark.parametrize(("document", "words"), REFUSED.values(), ids=REFUSED.keys())
+def test_a_bad_request_is_refused_in_one_line(document: dict[str, Any], words: str) -> None:
+    with pytest.raises(RequestError, match=words) as refusal:
+        parse_request(document, N)
+    assert refusal.value.status is Status.BAD_REQUEST
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"v": 2}, {"v": "1"}, {"verb": "dance"}, {"verb": ["solve"]}, {"verb": None}], ids=str
+)
+def test_an_unknown_verb_or_version_is_unsupported(changes: dict[str, Any]) -> None:
+    with pytest.raises(RequestError) as refusal:
+        parse_request(solve_document(**changes), N)
+    assert refusal.value.status is Status.UNSUPPORTED
+
+
+def test_a_refusal_carries_what_could_be_read() -> None:
+    with pytest.raises(RequestError) as refusal:
+        parse_request(solve_document(left_wrist=[]), N)
+    assert refusal.value.id == 5
+    assert np.array_equal(refusal.value.q, Q)
+    with pytest.raises(RequestError) as blind:
+        parse_request(solve_document(q=[1], id="x"), N)
+    assert blind.value.id == 0
+    assert blind.value.q is None
+
+
+def test_rotations_arrive_projected() -> None:
+    rounded = T.copy()
+    rounded[:3, :3] += 1e-5
+    got = parse_request(solve_document(left_wrist=rounded.tolist()), N)
+    assert isinstance(got, SolveRequest)
+    R = got.left_wrist[:3, :3]
+    assert np.abs(R.T @ R - np.eye(3)).max() < 1e-14
+
+
+any_value = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.binary(max_size=140),
+    lambda inner: st.lists(inner, max_size=5) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
+    max_leaves=12,
+)
+field_names = st.sampled_from(
+    ["v", "id", "verb", "q", "dq", "left_wrist", "right_wrist", "preset", "current_lr_arm_q", "current_lr_arm_dq"]
+)
+
+
+@given(st.dictionaries(field_names | st.integers(), any_value, max_size=8), st.booleans())
+def test_a_request_is_accepted_or_refused_and_nothing_else(changes: dict[Any, Any], onto_valid: bool) -> None:
+    document = solve_document() | changes if onto_valid else changes
+    try:
+        request = parse_request(document, N)
+    except RequestError as refusal:
+        assert refusal.status in (Status.BAD_REQUEST, Status.UNSUPPORTED)
+        assert len(str(refusal)) < 200
+        return
+    if isinstance(request, SolveRequest):
+        assert all(np.isfinite(a).all() for a in (request.left_wrist, request.right_wrist, request.q, request.dq))
+
+
+@pytest.mark.parametrize("codec", [JSON, MSGPACK], ids=lambda codec: codec.name)
+@given(body=st.binary(max_size=200))
+def test_any_bytes_decode_or_raise_the_documented_error(codec: Codec, body: bytes) -> None:
+    try:
+        document = codec.decode(body)
+    except DecodeError as error:
+        assert "\n" not in str(error)
+    else:
+        assert isinstance(document, dict)
+
+
+@pytest.mark.parametrize(
+    ("codec", "body"),
+    [
+        (JSON, b"[" * 60000),
+        (JSON, b'{"a":' * 12000),
+        (MSGPACK, b"\x91" * 60000),
+        (MSGPACK, b"\x81\xa1a" * 20000),
+        (MSGPACK, b"\xdd\xff\xff\xff\xff"),
+        (MSGPACK, b"\xc6\xff\xff\xff\xff"),
+        (MSGPACK, b"\x80\x80"),
+        (MSGPACK, b""),
+        (JSON, b""),
+        (JSON, b"\xff\xfe"),
+    ],
+)
+def test_hostile_bodies_are_refused(codec: Codec, body: bytes) -> None:
+    with pytest.raises(DecodeError):
+        codec.decode(body)
