@@ -34,8 +34,8 @@ def pose(x: float, y: float, z: float) -> np.ndarray:
 
 
 LEFT, RIGHT = pose(0.25, 0.125, 0.0625), pose(0.375, -0.25, 0.5)
-Q = np.arange(14) / 16.0
-TAU = (np.arange(14) - 7.0) / 8.0
+Q = np.arange(14, dtype=np.float64) / 16.0
+TAU = (np.arange(14, dtype=np.float64) - 7.0) / 8.0
 NAMES = [f"{side}_joint_{k}" for side in ("left", "right") for k in range(1, 8)]
 
 EXAMPLES: dict[str, Document] = {

@@ -77,6 +77,7 @@ def test_every_reply_survives_the_wire(codec: Codec) -> None:
     fk = FkReply(success=True, error="", status=Status.OK, id=2, boot_id="b", left_wrist=T, right_wrist=2 * T)
     assert same(parse_fk_reply(wire(codec, fk)), fk)
     refused = parse_solve_reply(wire(codec, REFUSED), N)
+    assert refused.sol_q is not None
     assert np.array_equal(refused.sol_q, Q)
     assert (refused.success, refused.status, refused.error) == (False, Status.BAD_REQUEST, "no")
 
