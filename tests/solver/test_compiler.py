@@ -1,0 +1,164 @@
+"""The cache of compiled libraries: built once, never trusted blindly, safe with two builders."""
+
+import ctypes
+import os
+import shutil
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ik_service import compiler
+from ik_service.compiler import CompileError, cache_folder, library
+
+SOURCE = "double answer(void) { return 42.0; }"
+
+pytestmark = pytest.mark.skipif(
+    not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler (Debian package gcc)"
+)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "kernels"
+
+
+def _answer(path: Path) -> float:
+    loaded = ctypes.CDLL(str(path))
+    loaded.answer.restype = ctypes.c_double
+    return loaded.answer()
+
+
+def _build(folder: Path, source: str = SOURCE) -> Path:
+    with library(source, folder) as built:
+        assert built.note == ""
+        return built.path
+
+
+def test_builds_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = _build(folder)
+    assert _answer(path) == 42.0
+    assert list(folder.iterdir()) == [path]
+    monkeypatch.setattr(compiler, "_compile", lambda *_: pytest.fail("compiled again"))
+    assert _build(folder) == path
+
+
+def test_folder_is_private(folder: Path) -> None:
+    _build(folder)
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+
+
+@pytest.mark.parametrize("change", ["source", "flags", "cpu", "compiler"])
+def test_name_follows_what_decides_the_content(folder: Path, monkeypatch: pytest.MonkeyPatch, change: str) -> None:
+    first = _build(folder)
+    source = SOURCE + "/* */" if change == "source" else SOURCE
+    if change == "flags":
+        monkeypatch.setattr(compiler, "FLAGS", (*compiler.FLAGS, "-g0"))
+    if change == "cpu":
+        monkeypatch.setattr(compiler, "_cpu", lambda: "another")
+    if change == "compiler":
+        monkeypatch.setattr(compiler, "_version", lambda _: "another")
+    assert _build(folder, source) != first
+
+
+@pytest.mark.parametrize("damage", ["truncated", "flipped", "empty", "foreign"])
+def test_damaged_library_is_rebuilt(folder: Path, damage: str) -> None:
+    path = _build(folder)
+    good = path.read_bytes()
+    flipped = bytes([good[0], good[1] ^ 1]) + good[2:]
+    bad = {"truncated": good[: len(good) // 2], "flipped": flipped, "empty": b"", "foreign": b"#!/bin/sh\n"}
+    path.write_bytes(bad[damage])
+    assert _build(folder) == path
+    assert _answer(path) == 42.0
+    assert path.read_bytes() == good
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o770, 0o702])
+def test_folder_others_can_write_to_is_refused(folder: Path, mode: int) -> None:
+    trap = _build(folder)
+    trap.write_bytes(b"trap")
+    folder.chmod(mode)
+    with library(SOURCE, folder) as built:
+        assert built.path.parent != folder
+        assert "others can write to it" in built.note
+        assert "\n" not in built.note
+        assert _answer(built.path) == 42.0
+        assert stat.S_IMODE(built.path.parent.stat().st_mode) == 0o700
+    assert not built.path.exists()
+    assert trap.read_bytes() == b"trap"
+
+
+def test_folder_of_another_user_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    _build(folder)
+    monkeypatch.setattr(os, "getuid", lambda: os.stat(folder).st_uid + 1)
+    with library(SOURCE, folder) as built:
+        assert "belongs to another user" in built.note
+
+
+def test_link_instead_of_folder_is_refused(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    folder.symlink_to(tmp_path / "elsewhere")
+    with library(SOURCE, folder) as built:
+        assert "not a folder" in built.note
+    assert list((tmp_path / "elsewhere").iterdir()) == []
+
+
+def test_file_instead_of_folder_is_refused(folder: Path) -> None:
+    folder.write_text("in the way")
+    with library(SOURCE, folder) as built:
+        assert built.note
+        assert _answer(built.path) == 42.0
+
+
+def test_no_compiler_is_one_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(folder))
+    monkeypatch.delenv("CC", raising=False)
+    with pytest.raises(CompileError, match="no C compiler found"), library(SOURCE, folder):
+        pass
+
+
+@pytest.mark.parametrize("script", ["exit 1", "echo fake 1.0", "[ $1 = --version ] || exit 1"])
+def test_broken_compiler_is_one_line(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str
+) -> None:
+    fake = tmp_path / "fakecc"
+    fake.write_text(f"#!/bin/sh\n{script}\n")
+    fake.chmod(0o755)
+    monkeypatch.setenv("CC", str(fake))
+    with pytest.raises(CompileError) as caught, library(SOURCE, folder):
+        pass
+    assert "\n" not in str(caught.value)
+    assert not folder.exists() or list(folder.iterdir()) == []
+
+
+def test_source_that_does_not_compile_leaves_nothing_behind(folder: Path) -> None:
+    with pytest.raises(CompileError, match="error"), library("this is not C", folder):
+        pass
+    assert list(folder.iterdir()) == []
+
+
+def test_cache_folder_follows_the_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.delenv("IK_CACHE_DIR", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    assert cache_folder() == tmp_path / ".cache" / "ik-service"
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
+    assert cache_folder() == tmp_path / "xdg" / "ik-service"
+    monkeypatch.setenv("IK_CACHE_DIR", str(tmp_path / "mine"))
+    assert cache_folder() == tmp_path / "mine"
+
+
+def test_two_builders_at_once(folder: Path) -> None:
+    """Whoever finishes last replaces the file by an equal one; both load a whole library."""
+    program = (
+        "import ctypes, sys; from pathlib import Path; from ik_service.compiler import library\n"
+        "with library(sys.argv[1], Path(sys.argv[2])) as built:\n"
+        "    f = ctypes.CDLL(str(built.path)).answer; f.restype = ctypes.c_double; print(f(), built.note)\n"
+    )
+    command = [sys.executable, "-c", program, SOURCE, str(folder)]
+    builders = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(4)]
+    answers = [builder.communicate(timeout=60)[0] for builder in builders]
+    assert [answer.split() for answer in answers] == [["42.0"]] * 4
+    assert len(list(folder.iterdir())) == 1

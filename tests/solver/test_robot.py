@@ -1,0 +1,157 @@
+"""The robot against MuJoCo, which reads the same file with its own code, and the errors of a wrong description."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from ik_proto.robots import RobotDescription, RobotError, load_description
+from ik_service.robot import Robot
+
+mujoco: Any = pytest.importorskip("mujoco")
+
+
+@pytest.fixture(scope="module")
+def mujoco_model(description: RobotDescription) -> Any:
+    return mujoco.MjModel.from_xml_path(str(description.model))
+
+
+def _mujoco_data(model: Any, robot: Robot, q: np.ndarray) -> tuple[Any, list[int]]:
+    data = mujoco.MjData(model)
+    joints = [model.joint(name) for name in robot.joint_names]
+    data.qpos[[joint.qposadr[0] for joint in joints]] = q
+    mujoco.mj_forward(model, data)
+    return data, [joint.dofadr[0] for joint in joints]
+
+
+def _random_postures(robot: Robot, count: int) -> np.ndarray:
+    return np.random.default_rng(7).uniform(robot.lower, robot.upper, (count, robot.nq))
+
+
+def test_fk_agrees_with_mujoco(robot: Robot, description: RobotDescription, mujoco_model: Any) -> None:
+    for q in _random_postures(robot, 200):
+        data, _ = _mujoco_data(mujoco_model, robot, q)
+        base = data.body(description.base)
+        R_base = base.xmat.reshape(3, 3)
+        for T_base_wrist, arm in zip(robot.fk(q), description.arms, strict=True):
+            body = data.body(mujoco_model.joint(arm.wrist.joint).bodyid[0])
+            R_wrist = body.xmat.reshape(3, 3)
+            position = body.xpos + R_wrist @ np.array(arm.wrist.xyz)
+            assert np.allclose(T_base_wrist[:3, 3], R_base.T @ (position - base.xpos), atol=1e-9)
+            assert np.allclose(T_base_wrist[:3, :3], R_base.T @ R_wrist, atol=1e-9)
+
+
+def test_gravity_torque_agrees_with_mujoco(robot: Robot, mujoco_model: Any) -> None:
+    for q in _random_postures(robot, 100):
+        data, dofs = _mujoco_data(mujoco_model, robot, q)
+        torque = robot.gravity_torque(q)
+        assert np.allclose(torque, data.qfrc_bias[dofs], atol=1e-6)
+        assert np.abs(torque).max() > 0.1
+
+
+def test_limits_agree_with_mujoco(robot: Robot, mujoco_model: Any) -> None:
+    ranges = np.array([mujoco_model.joint(name).range for name in robot.joint_names])
+    assert np.array_equal(np.column_stack((robot.lower, robot.upper)), ranges)
+
+
+def test_results_belong_to_the_caller(robot: Robot) -> None:
+    first, second = _random_postures(robot, 2)
+    torque, (left, right) = robot.gravity_torque(first), robot.fk(first)
+    before = torque.copy(), left.copy(), right.copy()
+    robot.gravity_torque(second)
+    robot.fk(second)
+    assert all(np.array_equal(now, then) for now, then in zip((torque, left, right), before, strict=True))
+
+
+def test_chain_is_the_arm(robot: Robot) -> None:
+    for q in _random_postures(robot, 50):
+        for arm, part, T_base_wrist in zip(robot.arms, (q[:7], q[7:]), robot.fk(q), strict=True):
+            assert np.allclose(arm.wrist(part), T_base_wrist, atol=1e-12)
+
+
+def test_reach_of_the_g1(robot: Robot) -> None:
+    """The farthest of 200,000 sampled postures was measured at 0.459 m from the shoulder pitch axis."""
+    for arm in robot.arms:
+        assert 0.45 < arm.reach <= 0.4595
+    assert np.allclose(robot.arms[0].shoulder, [0.0, 0.10022, 0.29178], atol=1e-4)
+
+
+def test_wire_order_may_differ_from_model_order(make_robot: Callable[..., Path]) -> None:
+    path = make_robot()
+    robot = Robot.load(load_description(path))
+    model = pin.buildModelFromUrdf(str(path.parent / "arms.urdf"))
+    assert robot.joint_names == tuple(f"z_{i}" for i in range(4)) + tuple(f"a_{i}" for i in range(5))
+    assert list(model.names)[1] == "a_0"
+
+    data = model.createData()
+    for q in _random_postures(robot, 20):
+        q_model = np.concatenate((q[4:], q[:4]))
+        torque = pin.rnea(model, data, q_model, np.zeros(9), np.zeros(9))
+        assert np.allclose(robot.gravity_torque(q), np.concatenate((torque[5:], torque[:5])), atol=1e-12)
+        for arm, part, T_base_wrist in zip(robot.arms, (q[:4], q[4:]), robot.fk(q), strict=True):
+            assert np.allclose(arm.wrist(part), T_base_wrist, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("urdf", "toml", "words"),
+    [
+        (("", ""), ("'a_2'", "'a_9'"), "joint a_9 is not in arms.urdf"),
+        (("", ""), ('base = "trunk"', 'base = "chest"'), "base chest is not a body of arms.urdf"),
+        (("", ""), ('base = "trunk"', 'base = "z_1_link"'), "base z_1_link moves with the arms"),
+        (("", ""), ("'z_1', 'z_2'", "'z_2', 'z_1'"), "joint z_2 does not follow z_0 in the model"),
+        (("", ""), ("'z_0', 'z_1', ", "'z_1', 'z_0', "), "joint z_1 does not follow trunk in the model"),
+        (('name="z_2" type="revolute"', 'name="z_2" type="prismatic"'), ("", ""), "joint z_2 is not a revolute"),
+        (('name="z_2" type="revolute"', 'name="z_2" type="continuous"'), ("", ""), "joint z_2 is not a revolute"),
+        (('name="a_1" type="revolute"', 'name="a_1" type="fixed"'), ("", ""), "joint a_1 is not in arms.urdf"),
+        (('lower="-2" upper="2.5"', 'lower="2" upper="-2"'), ("", ""), "joint z_0 has no usable position limits"),
+    ],
+)
+def test_wrong_description_names_the_culprit(
+    make_robot: Callable[..., Path], urdf: tuple[str, str], toml: tuple[str, str], words: str
+) -> None:
+    path = make_robot(urdf, toml)
+    with pytest.raises(RobotError) as caught:
+        Robot.load(load_description(path))
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "content", ["", "not xml at all", "<robot", "<robot name='x'/>", "<mujoco><worldbody/></mujoco>"]
+)
+@pytest.mark.parametrize("suffix", ["urdf", "xml"])
+def test_unreadable_model_is_one_line(
+    make_robot: Callable[..., Path], content: str, suffix: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = make_robot(replace_toml=("arms.urdf", f"arms.{suffix}"))
+    (path.parent / f"arms.{suffix}").write_text(content)
+    with pytest.raises(RobotError) as caught:
+        Robot.load(load_description(path))
+    assert "\n" not in str(caught.value)
+    assert f"arms.{suffix}" in str(caught.value)
+
+
+def test_doubled_worldbody_is_refused(description: RobotDescription, tmp_path: Path) -> None:
+    """Pinocchio would build the robot twice."""
+    text = description.model.read_text()
+    (tmp_path / "g1.xml").write_text(text.replace("</worldbody>", "</worldbody><worldbody></worldbody>"))
+    (tmp_path / "g1.toml").write_text(description.source.read_text())
+    with pytest.raises(RobotError, match="exactly one <worldbody>"):
+        Robot.load(load_description(tmp_path / "g1.toml"))
+
+
+def test_hash_follows_the_files(make_robot: Callable[..., Path]) -> None:
+    hashes = [
+        Robot.load(load_description(make_robot(urdf, toml))).model_hash
+        for urdf, toml in (
+            (("", ""), ("", "")),
+            (("", ""), ("0.02]", "0.03]")),
+            (('mass value="1"', 'mass value="2"'), ("", "")),
+            (("", ""), ("", "")),
+        )
+    ]
+    assert len(set(hashes)) == 3
+    assert hashes[0] == hashes[-1]
