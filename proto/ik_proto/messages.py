@@ -93,7 +93,7 @@ class SolveReply(Reply):
             failure.
         rotation_error: Angle between the left and the right wrist and its target at `sol_q`, shape (2,) [rad]; None on
             failure.
-        iterations: Solver iterations, the larger of the two arms.
+        iterations: Newton iterations, both arms and all starts together.
         solve_us: Time spent solving [us].
         server_us: Time from a decoded request to a reply ready for encoding [us].
     """
