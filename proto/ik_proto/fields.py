@@ -116,6 +116,6 @@ def read_number(document: Document, name: str) -> float:
         ValueError: Absent, not a number or not finite.
     """
     value = document.get(name)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float) or not -_ANY_FINITE <= value <= _ANY_FINITE:
         raise ValueError(f"{name} must be a finite number")
     return float(value)

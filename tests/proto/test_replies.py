@@ -110,6 +110,8 @@ def test_a_refusal_without_q_says_null() -> None:
         {"boot_id": 3},
         {"id": "x"},
         {"solve_us": float("inf")},
+        {"solve_us": float("nan")},
+        {"solve_us": 10**400},
         {"iterations": True},
     ],
     ids=str,

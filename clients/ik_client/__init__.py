@@ -1,0 +1,34 @@
+"""The thin client: one class to call the IK service, and the teleop loop around it.
+
+Importing it loads numpy, msgpack and orjson; Zenoh when a `zenoh://` address is used, and nothing heavier ever.
+"""
+
+from ik_client.client import IKClient
+from ik_client.errors import BadRequest, IKError, ProtocolMismatch, Refused, ServiceTimeout, ServiceUnavailable
+from ik_client.limiter import StepLimiter
+from ik_client.teleop import LoopState, Seed, TeleopLoop, TickReport
+from ik_client.types import Command, Limiter, RobotPort, RobotState, Solver, TargetSource, WristTargets
+from ik_proto.smoothing import WeightedMovingFilter
+
+__all__ = [
+    "BadRequest",
+    "Command",
+    "IKClient",
+    "IKError",
+    "Limiter",
+    "LoopState",
+    "ProtocolMismatch",
+    "Refused",
+    "RobotPort",
+    "RobotState",
+    "Seed",
+    "ServiceTimeout",
+    "ServiceUnavailable",
+    "Solver",
+    "StepLimiter",
+    "TargetSource",
+    "TeleopLoop",
+    "TickReport",
+    "WeightedMovingFilter",
+    "WristTargets",
+]
