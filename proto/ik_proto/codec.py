@@ -16,6 +16,8 @@ import orjson
 from ik_proto.errors import DecodeError
 from ik_proto.messages import Document
 
+_FLOAT64 = np.dtype("<f8")
+
 
 @dataclass(frozen=True, slots=True)
 class Codec:
@@ -58,7 +60,9 @@ def _encode_msgpack(document: Document) -> bytes:
 
 def _array_bytes(value: Any) -> bytes:
     if isinstance(value, np.ndarray):
-        return np.ascontiguousarray(value, dtype="<f8").tobytes()
+        return (
+            value if value.dtype is _FLOAT64 else value.astype(_FLOAT64)
+        ).tobytes()  # row-major, whatever its layout
     raise TypeError(f"cannot send a {type(value).__name__}")
 
 

@@ -11,8 +11,9 @@ import numpy as np
 from ik_proto.limits import MAX_ID
 from ik_proto.messages import Array, Document
 
+_FLOAT64 = np.dtype("<f8")
 _ANY_FINITE = 1e150
-"""Norms are compared to find NaN, Inf and nonsense in one call; the square of this is still a float64."""
+"""Norms are compared to find NaN, Inf and nonsense in one call."""
 
 
 def read_array(document: Document, name: str, shape: tuple[int, ...], bound: float = _ANY_FINITE) -> Array:
@@ -31,8 +32,7 @@ def read_array(document: Document, name: str, shape: tuple[int, ...], bound: flo
         ValueError: Missing, not numbers, of another shape, not finite, or beyond the bound.
     """
     array = read_shaped(document, name, shape)
-    flat = array.ravel()
-    if not flat.dot(flat) <= bound * bound:  # written so that NaN fails
+    if not math.hypot(*array.ravel().tolist()) <= bound:  # written so that NaN fails
         finite = bool(np.isfinite(array).all())
         raise ValueError(f"{name} is beyond {bound:g}" if finite else f"{name} holds a number that is not finite")
     return array
@@ -55,7 +55,7 @@ def read_shaped(document: Document, name: str, shape: tuple[int, ...]) -> Array:
     value = document.get(name)
     if value is None:
         raise ValueError(f"{name} is missing")
-    if isinstance(value, bytes):
+    if type(value) is bytes:
         return _from_bytes(value, name, shape)
     array = _from_list(value, name)
     if array.shape != shape:
@@ -68,15 +68,17 @@ def _from_list(value: Any, name: str) -> Array:
         array = np.array(value)
     except (ValueError, TypeError, OverflowError):
         raise ValueError(f"{name} must be an array of numbers with rows of one length") from None
+    if array.dtype is _FLOAT64:
+        return array
     if array.dtype.kind not in "fiu":
         raise ValueError(f"{name} must be an array of numbers")
-    return array.astype(np.float64, copy=False)
+    return array.astype(np.float64)
 
 
 def _from_bytes(value: bytes, name: str, shape: tuple[int, ...]) -> Array:
     if len(value) != 8 * math.prod(shape):
         raise ValueError(f"{name} must be raw float64 of shape {_words(shape)}, {len(value)} bytes came")
-    return np.frombuffer(value, dtype="<f8").reshape(shape)
+    return np.ndarray(shape, _FLOAT64, value)
 
 
 def _words(shape: tuple[int, ...]) -> str:

@@ -2,6 +2,9 @@
 
 Joint vectors are in wire order (`info` lists the names). Poses are `T_pelvis_wrist`: 4x4, row-major, metres, in the
 pelvis frame (x forward, y left, z up). Arrays are float64.
+
+Treat messages as read-only. They are not frozen because one is made for every request and reply at both ends, and a
+frozen dataclass takes more than twice as long to make.
 """
 
 from dataclasses import dataclass
@@ -15,7 +18,7 @@ from ik_proto.status import Status
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class SolveRequest:
     """Ask for the joints that bring both wrists to their targets.
 
@@ -36,7 +39,7 @@ class SolveRequest:
     id: int = 0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class FkRequest:
     """Ask where the wrists are.
 
@@ -49,7 +52,7 @@ class FkRequest:
     id: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class InfoRequest:
     """Ask who answers: protocol, robot, joint order, limits, presets.
 
@@ -63,7 +66,7 @@ class InfoRequest:
 Request = SolveRequest | FkRequest | InfoRequest
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(slots=True, eq=False, kw_only=True)
 class Reply:
     """What every reply says.
 
@@ -82,7 +85,7 @@ class Reply:
     boot_id: str = ""
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(slots=True, eq=False, kw_only=True)
 class SolveReply(Reply):
     """Answer to a solve, and the form in which any request is refused.
 
@@ -95,7 +98,7 @@ class SolveReply(Reply):
             failure.
         iterations: Newton iterations, both arms and all starts together.
         solve_us: Time spent solving [us].
-        server_us: Time from a decoded request to a reply ready for encoding [us].
+        server_us: Time from the request's bytes to its solution [us].
     """
 
     sol_q: Array | None = None
@@ -107,7 +110,7 @@ class SolveReply(Reply):
     server_us: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(slots=True, eq=False, kw_only=True)
 class FkReply(Reply):
     """Where the wrists are.
 
@@ -120,7 +123,7 @@ class FkReply(Reply):
     right_wrist: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(slots=True, eq=False, kw_only=True)
 class InfoReply(Reply):
     """Who answers.
 

@@ -5,8 +5,6 @@ fields than its own: a misspelt or newer field is refused by name rather than si
 a request in OpenWBT's form, recognised by `current_lr_arm_q`: its extra keys are ignored, as OpenWBT's server does.
 """
 
-from typing import Any
-
 from ik_proto.errors import RequestError
 from ik_proto.fields import read_array, read_id, read_shaped, read_text
 from ik_proto.limits import MAX_ABS_JOINT, PROTOCOL_VERSION
@@ -55,8 +53,9 @@ def _parse(document: Document, n: int) -> Request:
         raise _refusal(document, n, f"verb {verb!r:.40} is not served, there are {', '.join(_FIELDS)}")
     if verb == "solve" and _OPENWBT_Q in document:
         document = _from_openwbt(document)
-    elif unknown := document.keys() - _FIELDS[verb]:
-        raise ValueError(f"{verb} has no field {min(map(str, unknown))[:40]!r}")
+    elif not document.keys() <= _FIELDS[verb]:
+        unknown = min(map(str, document.keys() - _FIELDS[verb]))
+        raise ValueError(f"{verb} has no field {unknown[:40]!r}")
     if verb == "info":
         return InfoRequest(id=read_id(document))
     q = read_array(document, "q", (n,), MAX_ABS_JOINT)
@@ -117,7 +116,7 @@ def request_document(request: Request) -> Document:
     Returns:
         Its document, arrays still numpy arrays.
     """
-    document: dict[str, Any] = {"v": PROTOCOL_VERSION, "id": request.id}
+    document: Document = {"v": PROTOCOL_VERSION, "id": request.id}
     match request:
         case SolveRequest():
             document |= {

@@ -1,0 +1,201 @@
+"""The command `ik-service`: serve, info, healthcheck.
+
+Heavy packages are imported only by the command that needs them.
+"""
+
+import argparse
+import http.client
+import sys
+import time
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+from ik_proto.robots import RobotError
+from ik_service.addresses import AddressError, AddressInUse, HostPort
+from ik_service.config import CHOICES, DEFAULT_HTTP, Config, ConfigError, load_config
+
+EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_ADDRESS_IN_USE = 0, 1, 2, 3
+
+_EXIT_CODES = """\
+exit codes:
+  0  stopped cleanly by SIGTERM or Ctrl-C
+  1  an unexpected fault; its traceback is printed
+  2  a wrong option, configuration or robot; one line says which
+  3  an address is in use by another process
+"""
+
+_SERVE_EPILOG = f"""\
+examples:
+  ik-service serve                                the G1, on loopback, TCP and Zenoh
+  ik-service serve --zenoh off --smooth openwbt   for OpenWBT clients that expect filtered answers
+  ik-service serve --robot my_robot.toml          another robot: a TOML beside its URDF or MJCF
+  ik-service serve --config service.toml --log-format json
+
+The configuration file is TOML with the names of the options: tcp = "127.0.0.1:12345", openwbt-lag = true.
+Options win over the file.
+
+{_EXIT_CODES}"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command.
+
+    Args:
+        arguments: Command line without the program's name; None takes the process's own.
+
+    Returns:
+        The exit code, as `--help` documents.
+    """
+    started = time.perf_counter()
+    options = vars(_parser().parse_args(arguments))
+    command = options.pop("command")
+    try:
+        if command == "serve":
+            return _serve(options, started)
+        if command == "info":
+            return _info(options)
+        return _healthcheck(HostPort.parse(options["http"]))
+    except AddressInUse as error:
+        return _fail(str(error), EXIT_ADDRESS_IN_USE)
+    except (ConfigError, AddressError, RobotError) as error:
+        return _fail(str(error), EXIT_USAGE)
+    except ModuleNotFoundError as error:
+        if error.name is not None and error.name.partition(".")[0] in ("ik_service", "ik_proto"):
+            raise
+        return _fail(f"package {error.name} is missing: pip install 'ik-service[service]'", EXIT_USAGE)
+    except KeyboardInterrupt:
+        return EXIT_OK
+
+
+def _serve(options: dict, started: float) -> int:
+    config = load_config(options.pop("config", None), options)
+    from ik_service.daemon import serve
+
+    try:
+        serve(config, started)
+    except AddressInUse:
+        raise
+    except OSError as error:
+        return _fail(f"cannot listen: {error.strerror or error}", EXIT_USAGE)
+    return EXIT_OK
+
+
+def _info(options: dict) -> int:
+    config = load_config(options.pop("config", None), options)
+    from ik_service.engine import Engine
+
+    engine = Engine.build(config, "", version("ik-service"))
+    about = engine.about
+    rows = [
+        ("robot", about.robot),
+        ("model hash", about.model_hash),
+        ("protocol", str(about.protocol)),
+        ("version", about.version),
+        ("presets", ", ".join(about.presets) + f" (default {about.default_preset})"),
+        ("kernel", about.kernel + (f" ({engine.kernel_note})" if engine.kernel_note else "")),
+        ("tcp", config.tcp),
+        ("zenoh", config.zenoh),
+        ("http", config.http),
+        ("reach", f"{about.reach[0]:.3f} m left, {about.reach[1]:.3f} m right"),
+    ]
+    for name, value in rows:
+        print(f"{name:<12}{value}")
+    print(f"\n{'':>2}  {'joint, in the order of q':<32}{'lower':>9}{'upper':>9} rad{'velocity':>10} rad/s")
+    for index, name in enumerate(about.joint_names):
+        limits = f"{about.lower[index]:>9.4f}{about.upper[index]:>9.4f}    {about.velocity[index]:>10.1f}"
+        print(f"{index:>2}  {name:<32}{limits}")
+    return EXIT_OK
+
+
+def _healthcheck(address: HostPort) -> int:
+    connection = http.client.HTTPConnection(address.host, address.port, timeout=2.0)
+    try:
+        connection.request("GET", "/readyz")
+        answer = connection.getresponse()
+        text = answer.read(1000).decode(errors="replace").strip()
+    except (OSError, http.client.HTTPException) as error:
+        return _fail(f"no service answers at {address} ({error})", EXIT_FAILED)
+    finally:
+        connection.close()
+    print(text)
+    return EXIT_OK if answer.status == 200 else EXIT_FAILED
+
+
+def _fail(message: str, code: int) -> int:
+    print(f"ik-service: {message}", file=sys.stderr)
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="ik-service", description="Inverse kinematics for a humanoid's arms, as a service."
+    )
+    parser.add_argument("--version", action="version", version=f"ik-service {version('ik-service')}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    _add_serve(commands)
+    info = commands.add_parser("info", help="print what `serve` would serve", argument_default=argparse.SUPPRESS)
+    _add_solver_options(info)
+    health = commands.add_parser("healthcheck", help="exit 0 if a service is ready, 1 if not (for containers)")
+    health.add_argument("--http", metavar="HOST:PORT", default=DEFAULT_HTTP, help="its HTTP address (%(default)s)")
+    return parser
+
+
+def _add_serve(commands: argparse._SubParsersAction) -> None:
+    serve = commands.add_parser(
+        "serve",
+        help="run the service",
+        description="Serve inverse kinematics over TCP JSON and Zenoh until SIGTERM or Ctrl-C.",
+        epilog=_SERVE_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        argument_default=argparse.SUPPRESS,
+    )
+    defaults = Config()
+    _add_solver_options(serve)
+    addresses = serve.add_argument_group("where to listen ('off' for not at all, port 0 for any free port)")
+    addresses.add_argument("--tcp", metavar="HOST:PORT", help=f"JSON over TCP ({defaults.tcp})")
+    addresses.add_argument("--zenoh", metavar="LOCATOR", help=f"MessagePack over Zenoh ({defaults.zenoh})")
+    addresses.add_argument("--http", metavar="HOST:PORT", help=f"health and metrics ({defaults.http})")
+    addresses.add_argument("--zenoh-connect", metavar="LOCATOR", help="join this Zenoh router as well (none)")
+    addresses.add_argument(
+        "--zenoh-config", metavar="FILE", help="Zenoh configuration in JSON5, passed through: TLS, users, access (none)"
+    )
+    addresses.add_argument(
+        "--insecure",
+        action="store_true",
+        help="accept addresses that other machines can reach; nothing authenticates them",
+    )
+    openwbt = serve.add_argument_group("for OpenWBT clients, on the TCP endpoint")
+    openwbt.add_argument(
+        "--smooth",
+        choices=CHOICES["smooth"],
+        help=f"'openwbt' filters answers as their server does ({defaults.smooth})",
+    )
+    openwbt.add_argument(
+        "--openwbt-lag", action="store_true", help="answer with the previous request's result, as their server does"
+    )
+    logs = serve.add_argument_group("logs, on standard error")
+    logs.add_argument(
+        "--log-format",
+        choices=CHOICES["log_format"],
+        help=f"json also puts a ready line on standard output ({defaults.log_format}: by whether this is a terminal)",
+    )
+    logs.add_argument(
+        "--log-level", choices=CHOICES["log_level"], help=f"least severe level written ({defaults.log_level})"
+    )
+
+
+def _add_solver_options(command: argparse.ArgumentParser) -> None:
+    defaults = Config()
+    command.add_argument(
+        "--robot",
+        metavar="NAME|PATH",
+        help=f"packaged robot, or a description beside a URDF or MJCF ({defaults.robot})",
+    )
+    command.add_argument("--preset", metavar="NAME", help=f"cost used when a request names none ({defaults.preset})")
+    command.add_argument(
+        "--kernel",
+        choices=CHOICES["kernel"],
+        help=f"compiled C, interpreted, or compiled where a compiler is found ({defaults.kernel})",
+    )
+    command.add_argument("--config", metavar="FILE", type=Path, help="TOML file with these settings (none)")

@@ -1,0 +1,92 @@
+"""Every command and every program in the documentation is run, against a real service; every link leads somewhere."""
+
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+REPO = Path(__file__).resolve().parents[2]
+PAGES = sorted(
+    [REPO / "README.md", REPO / "CONTRIBUTING.md", REPO / "proto" / "README.md", *(REPO / "docs").glob("*.md")]
+)
+BIN = Path(sys.executable).parent
+DEFAULT_TCP = "127.0.0.1:12345"
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(), re.MULTILINE | re.DOTALL)
+
+
+def commands() -> list[Any]:
+    """Every shell command of every page; `&&` separates two, a `#` begins a comment."""
+    lines = [(page, line) for page in PAGES for block in blocks(page, "sh") for line in block.splitlines()]
+    split = [(page, part.split("#")[0].strip()) for page, line in lines for part in line.split("&&")]
+    return [pytest.param(command, id=f"{page.name}: {command}") for page, command in split if command]
+
+
+def programs() -> list[Any]:
+    found = [(page, k, code) for page in PAGES for k, code in enumerate(blocks(page, "python"))]
+    return [pytest.param(code, id=f"{page.name} {k}") for page, k, code in found]
+
+
+def run(*command: Any, cwd: Path) -> None:
+    result = subprocess.run([str(part) for part in command], cwd=cwd, capture_output=True, text=True, timeout=300)
+    assert result.returncode == 0, f"{command}: {result.stdout[-2000:]}{result.stderr[-2000:]}"
+
+
+@pytest.mark.timeout(400)
+@pytest.mark.parametrize("command", commands())
+def test_a_documented_command_works(command: str, service_process: Any, tmp_path: Path) -> None:
+    program, *rest = shlex.split(command.removeprefix("uv run "))
+    rest = [part.replace(DEFAULT_TCP, service_process.ready["tcp"]) for part in rest]
+    match program:
+        case "ik-demo":
+            run(BIN / program, *rest, cwd=tmp_path)
+            assert (tmp_path / "out" / "demo" / "report.json").is_file()
+        case "ik-load":
+            run(BIN / program, *rest, cwd=tmp_path)
+        case "ik-sim":
+            run(BIN / program, service_process.tcp_url, *rest, cwd=tmp_path)
+        case "ik-service":
+            assert rest == ["serve"]
+            assert service_process.ready["tcp"]  # it runs: the other programs of this page talk to it
+        case "pytest":  # this very suite; whether it can be collected as written is what is left to see
+            run(BIN / program, *rest, "--collect-only", "-q", cwd=REPO)
+        case "ruff" | "ty":
+            if not (BIN / program).exists():
+                pytest.skip(f"{program} is a development tool and not installed here")
+            run(BIN / program, *rest, cwd=REPO)
+        case "pip":
+            assert rest[0] == "install"
+            extras = tomllib.loads((REPO / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+            (wanted,) = re.findall(r"\[(\w+)\]", rest[-1])
+            assert wanted in extras
+        case "python" | ".":
+            assert command in ("python -m venv .venv", ". .venv/bin/activate")
+        case _:
+            pytest.fail(f"no test knows how to run {command!r}")
+
+
+@pytest.mark.parametrize("code", programs())
+def test_a_documented_program_works(code: str, service_process: Any, tmp_path: Path) -> None:
+    host, port = service_process.tcp
+    code = code.replace(DEFAULT_TCP, f"{host}:{port}").replace('("127.0.0.1", 12345)', f'("{host}", {port})')
+    assert "12345" not in code
+    run(sys.executable, "-c", code, cwd=tmp_path)
+
+
+def test_every_page_is_checked_for_something() -> None:
+    assert len(commands()) >= 12
+    assert len(programs()) >= 4
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    targets = re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text())
+    missing = [target for target in targets if not target.startswith("http") and not (page.parent / target).exists()]
+    assert missing == []

@@ -1,0 +1,259 @@
+"""`Service`: every verb, every status, and answers that are those of the solver and of Pinocchio."""
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ik_proto import (
+    JSON,
+    MSGPACK,
+    Codec,
+    FkReply,
+    InfoReply,
+    SolveReply,
+    SolveRequest,
+    Status,
+    parse_fk_reply,
+    parse_info_reply,
+    parse_solve_reply,
+    request_document,
+)
+from ik_proto.smoothing import WeightedMovingFilter
+from ik_service.engine import Engine
+from ik_service.metrics import Meter
+from ik_service.service import Service
+from ik_service.solver import Solution
+
+
+@pytest.fixture
+def meter() -> Meter:
+    return Meter("test")
+
+
+@pytest.fixture
+def service(engine: Engine, meter: Meter) -> Service:
+    return Service(engine.copy(), meter)
+
+
+class StubSolver:
+    """Stands in for a solver: gives a status or raises."""
+
+    def __init__(self, outcome: Status | Exception, nq: int) -> None:
+        self.outcome, self.nq = outcome, nq
+
+    def solve(self, left_wrist: np.ndarray, right_wrist: np.ndarray, q: np.ndarray) -> Solution:
+        if isinstance(self.outcome, Exception):
+            raise self.outcome
+        return Solution(q.copy(), self.outcome, np.zeros(2), np.zeros(2), np.zeros(self.nq), 0.0, 3)
+
+
+def service_with(engine: Engine, outcome: Status | Exception, meter: Meter | None = None, **options: Any) -> Service:
+    solvers: dict[str, Any] = {"openwbt": StubSolver(outcome, engine.robot.nq)}
+    return Service(replace(engine, solvers=solvers), meter or Meter("test"), **options)
+
+
+def test_solve_answers_what_the_solver_finds(
+    engine: Engine, service: Service, solve_request: Callable[[int], SolveRequest]
+) -> None:
+    solver = engine.copy().solvers["openwbt"]
+    for seed in range(20):
+        request = solve_request(seed)
+        reply = service.handle(request_document(request))
+        expected = solver.solve(request.left_wrist, request.right_wrist, request.q)
+        assert isinstance(reply, SolveReply)
+        assert (reply.success, reply.status, reply.error, reply.id) == (True, Status.OK, "", seed + 1)
+        assert reply.boot_id == "boot-of-test"
+        np.testing.assert_array_equal(reply.sol_q, expected.q)
+        np.testing.assert_array_equal(reply.tau, expected.tau)
+        np.testing.assert_array_equal(reply.position_error, expected.position_error)
+
+
+def test_residuals_are_those_of_the_returned_joints(
+    engine: Engine, service: Service, solve_request: Callable[[int], SolveRequest]
+) -> None:
+    request = solve_request(3)
+    reply = service.handle(request_document(request))
+    assert isinstance(reply, SolveReply)
+    assert reply.sol_q is not None
+    assert reply.position_error is not None
+    left, right = engine.robot.fk(reply.sol_q)
+    distances = [np.linalg.norm(left[:3, 3] - request.left_wrist[:3, 3])]
+    distances.append(np.linalg.norm(right[:3, 3] - request.right_wrist[:3, 3]))
+    np.testing.assert_allclose(reply.position_error, distances, atol=1e-12)
+
+
+def test_out_of_reach_is_followed_and_said(service: Service, document: Callable[..., dict[str, Any]]) -> None:
+    far = np.eye(4)
+    far[0, 3] = 2.0
+    reply = service.handle(document(left_wrist=far.tolist()))
+    assert isinstance(reply, SolveReply)
+    assert reply.status is Status.UNREACHABLE
+    assert reply.success
+    assert reply.position_error is not None
+    assert reply.position_error[0] > 1.0
+
+
+def test_fk_is_pinocchios(engine: Engine, service: Service, solve_request: Callable[[int], SolveRequest]) -> None:
+    q = solve_request(5).q
+    reply = service.handle({"verb": "fk", "q": q.tolist(), "id": 9})
+    left, right = engine.robot.fk(q)
+    assert isinstance(reply, FkReply)
+    assert reply.id == 9
+    np.testing.assert_array_equal(reply.left_wrist, left)
+    np.testing.assert_array_equal(reply.right_wrist, right)
+
+
+def test_info_says_who_answers(engine: Engine, service: Service) -> None:
+    reply = service.handle({"verb": "info", "id": 4})
+    assert isinstance(reply, InfoReply)
+    assert (reply.id, reply.boot_id, reply.version, reply.robot) == (4, "boot-of-test", "0.0.test", engine.robot.name)
+    assert reply.joint_names == list(engine.robot.joint_names)
+    np.testing.assert_array_equal(reply.lower, engine.robot.lower)
+    assert reply.shoulders.shape == (2, 3)
+    assert (reply.reach > 0.3).all()
+    assert reply.default_preset in reply.presets
+    assert reply.kernel == "vm"
+
+
+@pytest.mark.parametrize("codec", [JSON, MSGPACK], ids=["json", "msgpack"])
+def test_every_verb_survives_the_wire(
+    codec: Codec, service: Service, solve_request: Callable[[int], SolveRequest], engine: Engine
+) -> None:
+    request = solve_request(1)
+    n = engine.robot.nq
+    solved = parse_solve_reply(codec.decode(service.handle_bytes(codec.encode(request_document(request)), codec)), n)
+    assert solved.status is Status.OK
+    fk = parse_fk_reply(codec.decode(service.handle_bytes(codec.encode({"verb": "fk", "q": solved.sol_q}), codec)))
+    np.testing.assert_allclose(fk.left_wrist, request.left_wrist, atol=0.05)
+    info = parse_info_reply(codec.decode(service.handle_bytes(codec.encode({"verb": "info"}), codec)))
+    assert len(info.joint_names) == n
+
+
+@pytest.mark.parametrize(
+    ("changes", "status", "words"),
+    [
+        ({"left_wrist": np.full((4, 4), math.nan).tolist()}, Status.BAD_REQUEST, "left_wrist"),
+        ({"left_wrist": np.eye(3).tolist()}, Status.BAD_REQUEST, "4x4"),
+        ({"right_wrist": np.diag([1.0, 1.0, -1.0, 1.0]).tolist()}, Status.BAD_REQUEST, "reflection"),
+        ({"q": [0.0] * 13}, Status.BAD_REQUEST, "14"),
+        ({"q": [math.inf] * 14}, Status.BAD_REQUEST, "q"),
+        ({"q": None}, Status.BAD_REQUEST, "q is missing"),
+        ({"speling": 1}, Status.BAD_REQUEST, "speling"),
+        ({"verb": "dance"}, Status.UNSUPPORTED, "dance"),
+        ({"v": 99}, Status.UNSUPPORTED, "99"),
+        ({"preset": "fancy"}, Status.UNSUPPORTED, "openwbt"),
+    ],
+)
+def test_a_wrong_request_gets_its_status_and_one_line(
+    service: Service, document: Callable[..., dict[str, Any]], changes: dict[str, Any], status: Status, words: str
+) -> None:
+    reply = service.handle(document(7, **changes))
+    assert isinstance(reply, SolveReply)
+    assert (reply.status, reply.success, reply.id) == (status, False, 8)
+    assert words in reply.error
+    assert "\n" not in reply.error
+    if "q" not in changes:
+        np.testing.assert_array_equal(reply.sol_q, document(7)["q"])
+
+
+def test_not_converged_echoes_q_and_gives_nothing_to_follow(
+    engine: Engine, solve_request: Callable[[int], SolveRequest]
+) -> None:
+    request = solve_request(2)
+    reply = service_with(engine, Status.NOT_CONVERGED).handle(request_document(request))
+    assert isinstance(reply, SolveReply)
+    assert (reply.status, reply.success) == (Status.NOT_CONVERGED, False)
+    assert reply.error
+    assert reply.tau is None
+    np.testing.assert_array_equal(reply.sol_q, request.q)
+
+
+def test_a_fault_of_ours_is_plain_on_the_wire_and_full_in_the_log(
+    engine: Engine, document: Callable[..., dict[str, Any]], caplog: pytest.LogCaptureFixture
+) -> None:
+    meter = Meter("test")
+    service = service_with(engine, RuntimeError("secret /path/of/file.py"), meter)
+    reply = json.loads(service.handle_bytes(json.dumps(document(6)).encode(), JSON))
+    assert (reply["status"], reply["success"], reply["id"]) == ("internal", False, 7)
+    assert reply["sol_q"] == document(6)["q"]
+    assert "secret" not in json.dumps(reply)
+    assert "Traceback" not in json.dumps(reply)
+    assert meter.outcomes[Status.INTERNAL] == 1
+    assert "secret /path/of/file.py" in caplog.text
+
+
+def test_durations_come_from_the_injected_clock(engine: Engine, document: Callable[..., dict[str, Any]]) -> None:
+    ticks = iter(range(100))
+    meter = Meter("test")
+    service = service_with(engine, Status.OK, meter, clock=lambda: float(next(ticks)))
+    reply = json.loads(service.handle_bytes(json.dumps(document()).encode(), JSON))
+    assert reply["solve_us"] == 1e6
+    assert reply["server_us"] == 2e6
+    assert meter.solves.total == pytest.approx(1.0)
+    assert meter.requests.total == 3.0
+
+
+def test_nothing_is_remembered_between_requests(service: Service, document: Callable[..., dict[str, Any]]) -> None:
+    first = service.handle(document(0))
+    service.handle(document(1, left_wrist=np.diag([1.0, 1.0, -1.0, 1.0]).tolist()))
+    service.handle(document(2))
+    again = service.handle(document(0))
+    assert isinstance(first, SolveReply)
+    assert isinstance(again, SolveReply)
+    np.testing.assert_array_equal(first.sol_q, again.sol_q)
+
+
+def test_smoothing_tells_the_truth_about_the_filtered_joints(
+    engine: Engine, service: Service, solve_request: Callable[[int], SolveRequest]
+) -> None:
+    smoothing = WeightedMovingFilter()
+    solver = engine.copy().solvers["openwbt"]
+    raw = []
+    for seed in range(6):
+        request = solve_request(seed)
+        reply = service.handle(request_document(request), smoothing)
+        raw.append(solver.solve(request.left_wrist, request.right_wrist, request.q).q)
+        assert isinstance(reply, SolveReply)
+        assert reply.sol_q is not None
+        expected = raw[-1] if seed < 3 else np.average(raw[-4:], axis=0, weights=[0.1, 0.2, 0.3, 0.4])
+        np.testing.assert_allclose(reply.sol_q, expected, atol=1e-12)
+        left, _ = engine.robot.fk(reply.sol_q)
+        assert reply.position_error is not None
+        assert reply.position_error[0] == pytest.approx(np.linalg.norm(left[:3, 3] - request.left_wrist[:3, 3]))
+        assert reply.tau is not None
+        np.testing.assert_allclose(reply.tau, engine.robot.gravity_torque(reply.sol_q), atol=1e-12)
+
+
+@given(body=st.binary(max_size=200))
+def test_any_bytes_get_exactly_one_reply(engine: Engine, body: bytes) -> None:
+    service = Service(engine, Meter("test"))
+    for codec in (JSON, MSGPACK):
+        reply = codec.decode(service.handle_bytes(body, codec))
+        assert reply["success"] is False
+        assert reply["status"] in ("bad_request", "unsupported")
+
+
+@given(
+    changes=st.dictionaries(
+        st.sampled_from(["left_wrist", "right_wrist", "q", "dq", "id", "v", "verb", "preset", "other"]),
+        st.recursive(
+            st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+            lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
+            max_leaves=8,
+        ),
+        min_size=1,
+    )
+)
+def test_any_field_may_be_anything(
+    engine: Engine, document: Callable[..., dict[str, Any]], changes: dict[str, Any]
+) -> None:
+    reply = Service(engine, Meter("test")).handle({**document(), **changes})
+    assert reply.status is not Status.INTERNAL
+    assert "\n" not in reply.error
