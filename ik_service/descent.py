@@ -8,7 +8,7 @@ from typing import Any
 
 import casadi as ca
 
-from ik_service.kinematics import quaternion_of
+from ik_service.kinematics import gravity_torque, quaternion_of
 from ik_service.newton import PROBLEM, STATE, clip, evaluation, iteration, symbols_like, when
 from ik_service.objective import Preset
 from ik_service.robot import ArmChain
@@ -37,8 +37,9 @@ def descent(chain: ArmChain, preset: Preset, name: str) -> ca.Function:
         name: Name of the function.
 
     Returns:
-        Function (q_start, T_target, q_last, damping) -> (q, report). q_start is clipped to the limits; T_target is a
-        4x4 pose in the base frame; damping is 0, or the last entry of the report where a descent is to be continued.
+        Function (q_start, T_target, q_last, damping) -> (q, report, tau). q_start is clipped to the limits; T_target is
+        a 4x4 pose in the base frame; damping is 0, or the last entry of the report where a descent is to be continued;
+        tau holds the arm at q against gravity [N m].
     """
     n = len(chain.joint_names)
     q_start, T_target = ca.MX.sym("q_start", n), ca.MX.sym("T_target", 4, 4)
@@ -51,7 +52,8 @@ def descent(chain: ArmChain, preset: Preset, name: str) -> ca.Function:
         state = list(block(_running(state), *state, *problem))
     q, value, _, _, measures, damping_left, iterations = state
     report = ca.vertcat(value, measures, iterations, damping_left)
-    return ca.Function(name, [q_start, T_target, q_last, damping], [q, report])
+    tau = _gravity_torque(chain, name)(q)
+    return ca.Function(name, [q_start, T_target, q_last, damping], [q, report, tau])
 
 
 def _running(state: list[Any]) -> ca.MX:
@@ -65,6 +67,11 @@ def _repeated(step: ca.Function, times: int) -> ca.Function:
     for _ in range(times):
         state = list(step(_running(state), *state, *problem))
     return ca.Function(f"{step.name()}_x{times}", inputs, state)
+
+
+def _gravity_torque(chain: ArmChain, name: str) -> ca.Function:
+    q = ca.SX.sym("q", len(chain.joint_names))
+    return ca.Function(f"{name}_gravity_torque", [q], [gravity_torque(chain, q)], {"cse": True})
 
 
 def _target_quaternion(name: str) -> ca.Function:

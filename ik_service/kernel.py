@@ -24,7 +24,8 @@ OUTSIDE = 0.3
 """How far beyond the limits such a problem may pull a joint [rad]."""
 
 AGREEMENT = 1e-6
-"""Largest difference of two solutions that agree [rad], and of two reports; rounding leaves about 1e-9."""
+"""Largest difference of two solutions that agree [rad], of two reports, and of two torques [N m]; rounding leaves about
+1e-9."""
 
 
 @dataclass(frozen=True)
@@ -96,11 +97,12 @@ def agree(arm: ArmChain, first: ca.Function, second: ca.Function) -> bool:
         q = rng.uniform(arm.lower - OUTSIDE, arm.upper + OUTSIDE)
         target = arm.wrist(q)
         start = q + rng.normal(0.0, 0.05, n)
-        q_first, report_first = (np.array(out).ravel() for out in first(start, target, start, 0.0))
-        q_second, report_second = (np.array(out).ravel() for out in second(start, target, start, 0.0))
+        q_first, report_first, tau_first = (np.array(out).ravel() for out in first(start, target, start, 0.0))
+        q_second, report_second, tau_second = (np.array(out).ravel() for out in second(start, target, start, 0.0))
         inside = (arm.lower <= q_second).all() and (q_second <= arm.upper).all()
-        close = np.abs(q_first - q_second).max() <= AGREEMENT
-        if not (inside and close and np.abs(report_first[:4] - report_second[:4]).max() <= AGREEMENT):
+        pairs = ((q_first, q_second), (report_first[:4], report_second[:4]), (tau_first, tau_second))
+        # Written so that NaN, which is close to nothing, fails.
+        if not (inside and all(np.abs(a - b).max() <= AGREEMENT for a, b in pairs)):
             return False
     return True
 

@@ -32,6 +32,8 @@ class WristPose:
         quaternion: The same orientation as a unit quaternion wxyz, shape (4,); its sign is arbitrary.
         axes: Rotation axis of each joint, n of shape (3,).
         levers: Derivative of p with respect to each joint, a_i x (p - o_i) [m/rad], n of shape (3,).
+        origins: Origin o_i of each joint [m], n of shape (3,).
+        rotations: Orientation of the body each joint moves, n of shape (3, 3).
     """
 
     p: ca.SX
@@ -39,6 +41,8 @@ class WristPose:
     quaternion: ca.SX
     axes: list[ca.SX]
     levers: list[ca.SX]
+    origins: list[ca.SX]
+    rotations: list[ca.SX]
 
 
 def wrist_pose(chain: ArmChain, q: ca.SX) -> WristPose:
@@ -52,7 +56,7 @@ def wrist_pose(chain: ArmChain, q: ca.SX) -> WristPose:
         The wrist pose with its first-order geometry.
     """
     p, R, quaternion = ca.SX.zeros(3), ca.SX.eye(3), ca.SX([1.0, 0.0, 0.0, 0.0])
-    axes, origins = [], []
+    axes, origins, rotations = [], [], []
     for i, (placement, axis) in enumerate(zip(chain.placements, chain.axes, strict=True)):
         p, R, quaternion = _compose(p, R, quaternion, placement)
         axes.append(R @ _constant(axis))
@@ -62,10 +66,34 @@ def wrist_pose(chain: ArmChain, q: ca.SX) -> WristPose:
         sin, cos = 2.0 * half_sin * half_cos, 1.0 - 2.0 * half_sin * half_sin
         outer = _constant(np.outer(axis, axis))
         R = R @ (outer + cos * (ca.SX.eye(3) - outer) + sin * _constant(pin.skew(axis)))
+        rotations.append(R)
         quaternion = quaternion_product(quaternion, ca.vertcat(half_cos, half_sin * _constant(axis)))
     p, R, quaternion = _compose(p, R, quaternion, chain.T_last_wrist)
     levers = [ca.cross(axis, p - origin) for axis, origin in zip(axes, origins, strict=True)]
-    return WristPose(p, R, quaternion, axes, levers)
+    return WristPose(p, R, quaternion, axes, levers, origins, rotations)
+
+
+def gravity_torque(chain: ArmChain, q: ca.SX) -> ca.SX:
+    """Joint torques that hold the arm still against gravity.
+
+    Static equilibrium of what hangs behind each joint: tau_i = -a_i . sum_k m_k (c_k - o_i) x g over the bodies k from
+    joint i outwards. The same numbers as Pinocchio's recursive Newton-Euler algorithm at v = a = 0, computed where the
+    solution is; calling Pinocchio for them costs more than a Newton iteration.
+
+    Args:
+        chain: The arm.
+        q: Symbolic joint positions [rad], shape (n,).
+
+    Returns:
+        Torques [N m], shape (n,).
+    """
+    pose, gravity = wrist_pose(chain, q), ca.SX(chain.gravity)
+    mass, first_moment, torques = 0.0, ca.SX.zeros(3), []
+    for i in reversed(range(len(chain.masses))):
+        center = pose.origins[i] + pose.rotations[i] @ _constant(chain.centers[i])
+        mass, first_moment = mass + chain.masses[i], first_moment + chain.masses[i] * center
+        torques.append(-ca.dot(pose.axes[i], ca.cross(first_moment - mass * pose.origins[i], gravity)))
+    return ca.vertcat(*reversed(torques))
 
 
 def quaternion_product(a: ca.SX, b: ca.SX) -> ca.SX:

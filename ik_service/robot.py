@@ -29,6 +29,9 @@ class ArmChain:
         T_last_wrist: Wrist frame in the last joint's frame, shape (4, 4).
         lower: Lower joint limits [rad], shape (n,).
         upper: Upper joint limits [rad], shape (n,).
+        masses: Mass of the body each joint moves, with all that is fixed to it, n of them [kg].
+        centers: Centre of mass of that body in its joint's frame [m], n arrays of shape (3,).
+        gravity: Acceleration of gravity in the base frame [m/s^2], shape (3,).
     """
 
     side: str
@@ -38,6 +41,9 @@ class ArmChain:
     T_last_wrist: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
+    masses: tuple[float, ...]
+    centers: tuple[np.ndarray, ...]
+    gravity: np.ndarray
 
     @property
     def shoulder(self) -> np.ndarray:
@@ -249,7 +255,7 @@ def _chain(description: RobotDescription, model: pin.Model, arm: ArmDescription,
         raise RobotError(
             description.source, f"frame {arm.wrist.name} is on {arm.wrist.joint}, not on the arm's last joint"
         )
-    parent, placements, axes, rows = 0, [], [], []
+    parent, placements, axes, rows, inertias = 0, [], [], [], []
     for name in arm.joints:
         index = model.getJointId(name)
         if model.parents[index] != parent:
@@ -261,6 +267,7 @@ def _chain(description: RobotDescription, model: pin.Model, arm: ArmDescription,
         placements.append((placement if parent else T_world_base.inverse() * placement).homogeneous)
         axes.append(_axis(model.joints[index]))
         rows.append(model.joints[index].idx_q)
+        inertias.append(model.inertias[index])
         parent = index
     rotation = pin.rpy.rpyToMatrix(*arm.wrist.rpy)
     return ArmChain(
@@ -271,6 +278,9 @@ def _chain(description: RobotDescription, model: pin.Model, arm: ArmDescription,
         T_last_wrist=pin.SE3(rotation, np.array(arm.wrist.xyz)).homogeneous,
         lower=model.lowerPositionLimit[rows],
         upper=model.upperPositionLimit[rows],
+        masses=tuple(inertia.mass for inertia in inertias),
+        centers=tuple(inertia.lever.copy() for inertia in inertias),
+        gravity=T_world_base.rotation.T @ model.gravity.linear,
     )
 
 

@@ -77,11 +77,11 @@ class Solver:
         self.preset = kernel.preset
         self.kernel = kernel
         self._robot = robot.copy()
-        self._request, self._answer = np.zeros(robot.nq), np.zeros(robot.nq)
+        self._request, self._answer, self._torques = (np.zeros(robot.nq) for _ in range(3))
         self._reports = np.zeros((2, len(REPORT)))
         split = len(robot.arms[0].joint_names)
         self._left, self._right = (
-            _Arm(chain, descent, self._request[part], self._answer[part], report, self.preset)
+            _Arm(chain, descent, self._request[part], (self._answer[part], report, self._torques[part]), self.preset)
             for chain, descent, part, report in zip(
                 robot.arms, kernel.descents, (slice(split), slice(split, None)), self._reports, strict=True
             )
@@ -102,13 +102,12 @@ class Solver:
         left, right = self._left.solve(left_wrist), self._right.solve(right_wrist)
         if not (left and right):
             return self._not_converged(left_wrist, right_wrist, q)
-        solution = self._answer.copy()
         return Solution(
-            solution,
+            self._answer.copy(),
             Status.OK if self._left.reached and self._right.reached else Status.UNREACHABLE,
             self._reports[:, _POSITION_ERROR].copy(),
             self._reports[:, _ROTATION_ERROR].copy(),
-            self._robot.gravity_torque(solution),
+            self._torques.copy(),
             self._left.cost + self._right.cost,
             self._left.iterations + self._right.iterations,
         )
@@ -156,21 +155,20 @@ class _Arm:
         chain: ArmChain,
         descent: ca.Function,
         request: np.ndarray,
-        answer: np.ndarray,
-        report: np.ndarray,
+        results: tuple[np.ndarray, np.ndarray, np.ndarray],
         preset: Preset,
     ) -> None:
-        """Bind; `request` is read, `answer` and `report` are written by every solve."""
+        """Bind; `request` is read, `results` (answer, report, torques) are written by every solve."""
         self.cost, self.reached, self.iterations = 0.0, False, 0
         self._kept_alive: list[Any] = []
-        self._request, self._answer, self._report = request, answer, report
+        self._request, self._results = request, results
+        self._answer, self._report, _ = results
         self._max_position_error = preset.unreachable_position
         self._max_rotation_error = preset.unreachable_rotation
         self._extra_starts = _spread(chain, EXTRA_STARTS)
         target = np.zeros(16)
         self._target = target.reshape(4, 4).T  # CasADi stores matrices by columns
         self._start, self._damping = np.zeros(len(request)), np.zeros(1)
-        results = (answer, report)
         # The usual call starts at the request's q, undamped, and copies neither.
         self._descend = self._bind(descent, (request, target, request, np.zeros(1)), results)
         self._descend_from = self._bind(descent, (self._start, target, request, self._damping), results)
@@ -220,14 +218,16 @@ class _Arm:
         return gradient <= TOLERANCE
 
     def _try_others(self, converged: bool) -> bool:
-        best = (self.cost if converged else np.inf, self.reached, self._answer.copy(), self._report.copy())
+        best = (self.cost if converged else np.inf, self.reached, [result.copy() for result in self._results])
         for start in self._extra_starts:
             self._start[:], self._damping[:] = start, 0.0
             self._descend_from()
             if self._finish() and self.cost < (1.0 - IMPROVEMENT) * best[0]:
-                best = (self.cost, self.reached, self._answer.copy(), self._report.copy())
-        self.cost, self.reached, self._answer[:], self._report[:] = best
-        return best[0] < np.inf
+                best = (self.cost, self.reached, [result.copy() for result in self._results])
+        self.cost, self.reached, kept = best
+        for result, value in zip(self._results, kept, strict=True):
+            result[:] = value
+        return self.cost < np.inf
 
 
 def _spread(chain: ArmChain, count: int) -> np.ndarray:

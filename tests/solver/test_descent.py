@@ -18,7 +18,7 @@ Answer = tuple[np.ndarray, dict[str, float]]
 def _run(
     function: ca.Function, start: np.ndarray, target: np.ndarray, q_last: np.ndarray, damping: float = 0.0
 ) -> Answer:
-    q, report = (np.array(result).ravel() for result in function(start, target, q_last, damping))
+    q, report, _ = (np.array(result).ravel() for result in function(start, target, q_last, damping))
     return q, dict(zip(REPORT, report.tolist(), strict=True))
 
 

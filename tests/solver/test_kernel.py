@@ -26,9 +26,10 @@ def test_compiled_kernel_agrees_with_the_virtual_machine(robot: Robot, vm_kernel
         for _ in range(200):
             q = rng.uniform(arm.lower, arm.upper)
             start = q + rng.normal(0.0, 0.2, len(q))
-            (a, report_a), (b, report_b) = (f(start, arm.wrist(q), start, 0.0) for f in (ours, theirs))
+            (a, report_a, tau_a), (b, report_b, tau_b) = (f(start, arm.wrist(q), start, 0.0) for f in (ours, theirs))
             assert np.allclose(np.array(a), np.array(b), atol=1e-7)
             assert np.allclose(np.array(report_a)[:4], np.array(report_b)[:4], atol=1e-7)
+            assert np.allclose(np.array(tau_a), np.array(tau_b), atol=1e-7)
 
 
 def test_second_load_comes_from_the_cache(

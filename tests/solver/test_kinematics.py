@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ik_proto.robots import load_description
-from ik_service.kinematics import quaternion_of, rotation_error, wrist_pose
+from ik_service.kinematics import gravity_torque, quaternion_of, rotation_error, wrist_pose
 from ik_service.robot import ArmChain, Robot
 
 unit_floats = st.floats(-1.0, 1.0)
@@ -102,3 +102,29 @@ def test_rotation_error_agrees_with_pinocchio(
     R = pin.exp3(angle * axis / np.linalg.norm(axis)) @ R_target
     found, direction, _ = ROTATION_ERROR(QUATERNION_OF(R)[0], QUATERNION_OF(R_target)[0])
     assert np.allclose(found[0] * direction.ravel(), pin.log3(R @ R_target.T), atol=1e-7)
+
+
+def test_gravity_torque_agrees_with_pinocchio(robot: Robot) -> None:
+    _compare_gravity_torques(robot)
+
+
+def test_gravity_torque_of_a_tilted_base(make_robot: Callable[..., Path]) -> None:
+    """A trunk that leans by 0.7 rad on a foot: the base frame is not upright, and gravity is not along its z."""
+    lean = '<link name="foot"/><joint name="lean" type="fixed"><parent link="foot"/><child link="trunk"/>'
+    lean += '<origin xyz="0 0 1" rpy="0.4 0.7 0"/></joint><link name="trunk"/>'
+    robot = Robot.load(load_description(make_robot(('<link name="trunk"/>', lean))))
+    assert not np.allclose(robot.arms[0].gravity, [0.0, 0.0, -9.81], atol=1.0)
+    _compare_gravity_torques(robot)
+
+
+def _compare_gravity_torques(robot: Robot) -> None:
+    functions = [
+        (part, _function(lambda q, arm=arm: [gravity_torque(arm, q)], (len(arm.joint_names), 1)))
+        for _, arm, part in _arms_of(robot)
+    ]
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        q = rng.uniform(robot.lower, robot.upper)
+        expected = robot.gravity_torque(q)
+        for part, function in functions:
+            assert np.allclose(function(q[part])[0].ravel(), expected[part], rtol=0.0, atol=1e-12)

@@ -1,0 +1,134 @@
+"""A simulated robot behind the robot port: the far end of the teleop loop.
+
+- `send` takes a command for the arm joints; `advance` runs the physics of one control tick.
+- Every physics step applies tau = kp (q* - q) - kd dq + feed-forward, with the gains of the description, and the motors
+  cut it at their limits.
+- Joints outside the arms hold their home position, and the base is held in space.
+- A tick for which no command came repeats the last one, and is counted.
+- Joints are found by name; their order in the model file does not matter.
+"""
+
+import time
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+from ik_client import Command, RobotState
+from ik_proto import Array
+from ik_proto.robots import RobotDescription
+from sim_client.model import WRIST_SITES, body_pose, invert, wrist_poses
+from sim_client.scene import PHYSICS_PERIOD, TARGET_BODIES, build_scene
+
+STEPS_PER_TICK = 4
+CONTROL_PERIOD = STEPS_PER_TICK * PHYSICS_PERIOD
+"""Time between two commands [s]."""
+
+
+class SimRobot:
+    """A robot in MuJoCo, standing at home.
+
+    Attributes:
+        description: What it was built from.
+        model: The MuJoCo model.
+        data: Its state.
+        ticks: Control ticks simulated.
+        ticks_without_command: Those of them for which no new command had come.
+    """
+
+    def __init__(self, description: RobotDescription, *, clock: Callable[[], float] = time.monotonic) -> None:
+        """Build the model and put every joint at home.
+
+        Args:
+            description: The robot.
+            clock: Gives the time of measurements [s].
+
+        Raises:
+            RobotError: The description does not fit its model file.
+        """
+        self.description = description
+        self.model = build_scene(description)
+        self.data = mujoco.MjData(self.model)
+        self.ticks = 0
+        self.ticks_without_command = 0
+        self._clock = clock
+        joints = [self.model.joint(self.model.actuator(i).name) for i in range(self.model.nu)]
+        described = [description.joint(joint.name) for joint in joints]
+        self._q_address = np.array([joint.qposadr[0] for joint in joints])
+        self._v_address = np.array([joint.dofadr[0] for joint in joints])
+        self._kp = np.array([joint.kp for joint in described])
+        self._kd = np.array([joint.kd for joint in described])
+        self._q_wanted = np.array([joint.home for joint in described])
+        self._tau = np.zeros(len(joints))
+        self._arms = np.array([self.model.actuator(name).id for name in description.arm_joints])
+        self._base = self.model.body(description.base).id
+        left, right = WRIST_SITES
+        self._sites = (self.model.site(left).id, self.model.site(right).id)
+        self._mocap = tuple(int(self.model.body(name).mocapid[0]) for name in TARGET_BODIES)
+        self._commanded = False
+        self.data.qpos[self._q_address] = self._q_wanted
+        mujoco.mj_forward(self.model, self.data)
+        self.show_targets(*self.wrists())
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.data.time
+
+    def read(self) -> RobotState:
+        """Measure the arm joints."""
+        return RobotState(
+            self.data.qpos[self._q_address[self._arms]], self.data.qvel[self._v_address[self._arms]], self._clock()
+        )
+
+    def send(self, command: Command) -> None:
+        """Take over a command for the coming tick."""
+        self._q_wanted[self._arms] = command.q
+        self._tau[self._arms] = command.tau
+        self._commanded = True
+
+    def advance(self) -> None:
+        """Simulate one control tick."""
+        self.ticks += 1
+        self.ticks_without_command += not self._commanded
+        self._commanded = False
+        for _ in range(STEPS_PER_TICK):
+            self.data.ctrl[:] = self._torque()
+            mujoco.mj_step(self.model, self.data)
+        mujoco.mj_kinematics(self.model, self.data)  # Poses of the state that was reached, not of the one before it.
+
+    def _torque(self) -> Array:
+        """Torque asked of each motor [N m]; the motor's limit is applied by the physics."""
+        q, dq = self.data.qpos[self._q_address], self.data.qvel[self._v_address]
+        return self._kp * (self._q_wanted - q) - self._kd * dq + self._tau
+
+    def wrists(self) -> tuple[Array, Array]:
+        """Wrist poses `T_pelvis_wrist`, left and right, shape (4, 4) each [m]."""
+        return wrist_poses(self.data, self._base, self._sites)
+
+    def show_targets(self, left: Array, right: Array) -> None:
+        """Put the visible targets somewhere.
+
+        Args:
+            left: `T_pelvis_target`, shape (4, 4) [m].
+            right: The same for the right arm.
+        """
+        T_world_pelvis = body_pose(self.data, self._base)
+        for mocap, T_pelvis_target in zip(self._mocap, (left, right), strict=True):
+            T = T_world_pelvis @ T_pelvis_target
+            self.data.mocap_pos[mocap] = T[:3, 3]
+            mujoco.mju_mat2Quat(self.data.mocap_quat[mocap], T[:3, :3].ravel())
+
+    def shown_targets(self) -> tuple[Array, Array]:
+        """Where the visible targets are, left and right, `T_pelvis_target`, shape (4, 4) each [m]."""
+        T_pelvis_world = invert(body_pose(self.data, self._base))
+        left, right = (T_pelvis_world @ self._mocap_pose(mocap) for mocap in self._mocap)
+        return left, right
+
+    def _mocap_pose(self, mocap: int) -> Array:
+        rotation = np.empty(9)
+        mujoco.mju_quat2Mat(rotation, self.data.mocap_quat[mocap])
+        T = np.eye(4)
+        T[:3, :3] = rotation.reshape(3, 3)
+        T[:3, 3] = self.data.mocap_pos[mocap]
+        return T

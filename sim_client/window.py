@@ -1,0 +1,68 @@
+"""The window: MuJoCo's viewer, with trails, and targets that can be dragged.
+
+In the window a double click selects a target, Ctrl and the right mouse button move it, Ctrl and the left one turn it.
+"""
+
+import os
+import subprocess
+import sys
+
+import mujoco
+import mujoco.viewer
+
+from sim_client.model import body_pose
+from sim_client.robot import SimRobot
+from sim_client.trace import Tick, Trace
+from sim_client.trails import draw_trails
+
+_TICKS_PER_FRAME = 2
+_TRAIL_TICKS = 60
+_TRIAL = "import glfw, sys; sys.exit(0 if glfw.init() else 1)"
+_TRIAL_LIMIT = 20.0
+
+
+def display_fault() -> str | None:
+    """Why no window can be opened, in one line; None if one can.
+
+    Tried in a process of its own: the viewer waits for ever for a window that cannot be opened.
+    """
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return "no display, so no window (DISPLAY is not set)"
+    try:
+        trial = subprocess.run([sys.executable, "-P", "-c", _TRIAL], capture_output=True, timeout=_TRIAL_LIMIT)
+    except (OSError, subprocess.TimeoutExpired):
+        return "the display does not answer, so no window"
+    return None if trial.returncode == 0 else "the display cannot be opened, so no window"
+
+
+class Window:
+    """Observer that shows the robot while it runs."""
+
+    def __init__(self, robot: SimRobot) -> None:
+        """Open the window on a robot."""
+        self._robot = robot
+        self._base = robot.model.body(robot.description.base).id
+        self._recent = Trace(_TRAIL_TICKS)
+        self._viewer = mujoco.viewer.launch_passive(robot.model, robot.data, show_left_ui=False, show_right_ui=False)
+        with self._viewer.lock():
+            self._viewer.cam.lookat[:] = body_pose(robot.data, self._base)[:3, 3] + [0.1, 0.0, 0.15]
+            self._viewer.cam.distance, self._viewer.cam.azimuth, self._viewer.cam.elevation = 1.8, 146.0, -14.0
+
+    def is_open(self) -> bool:
+        """Whether the person has not closed it."""
+        return self._viewer.is_running()
+
+    def observe(self, tick: Tick) -> None:
+        """Show a tick, and take over what was dragged."""
+        self._recent.observe(tick)
+        if tick.index % _TICKS_PER_FRAME or not self.is_open():
+            return
+        scene = self._viewer.user_scn
+        with self._viewer.lock():
+            scene.ngeom = 0
+            draw_trails(scene, list(self._recent), body_pose(self._robot.data, self._base))
+        self._viewer.sync()
+
+    def close(self) -> None:
+        """Close it."""
+        self._viewer.close()
