@@ -19,7 +19,6 @@ import argparse
 import asyncio
 import json
 import os
-import platform
 import select
 import socket
 import statistics
@@ -30,7 +29,6 @@ import threading
 import time
 from collections.abc import Callable, Generator
 from contextlib import ExitStack, contextmanager
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +39,9 @@ import uvloop
 import zenoh
 from rich.console import Console
 from rich.table import Table
-from workloads import tracking
 
+from benchmarks.environment import environment
+from benchmarks.workloads import tracking
 from ik_proto import JSON, MSGPACK, FkRequest, SolveRequest, request_document
 from ik_service.addresses import HostPort
 from ik_service.config import Config
@@ -280,18 +279,7 @@ def measure(rounds: int, placement: str) -> dict[str, Any]:
 ROLES_IN_ORDER = ("tcp-echo", "zenoh-echo", "openwbt")
 
 
-def environment() -> dict[str, Any]:
-    cpu = next((line for line in Path("/proc/cpuinfo").read_text().splitlines() if "model name" in line), ":unknown")
-    packages = ("ik-service", "numpy", "casadi", "pin", "uvloop", "eclipse-zenoh", "orjson", "msgpack")
-    return {
-        "cpu": cpu.partition(":")[2].strip(),
-        "cores": os.cpu_count(),
-        "load": os.getloadavg(),
-        "python": platform.python_version(),
-        "packages": {name: version(name) for name in packages},
-        "command": " ".join(sys.argv),
-    }
-
+PACKAGES = ("ik-service", "numpy", "casadi", "pin", "uvloop", "eclipse-zenoh", "orjson", "msgpack")
 
 ROWS = {
     "tcp": ("TCP solve", "bare echo", f"<= {TCP_LIMIT}x"),
@@ -327,7 +315,7 @@ def main() -> int:
     results = measure(5 if options.quick else 50, options.placement)
     show(results)
     if options.json:
-        options.json.write_text(json.dumps({"environment": environment(), **results}, indent=2) + "\n")
+        options.json.write_text(json.dumps({"environment": environment(PACKAGES), **results}, indent=2) + "\n")
     met = (
         results["tcp"]["ratio"] <= TCP_LIMIT
         and results["openwbt"]["ours"]["p50_us"] < OPENWBT_LIMIT_MS * 1e3
