@@ -1,7 +1,7 @@
 """The daemon: one process, one event loop, up to three front ends on the same engine.
 
-Start: build and warm the engine, open TCP and Zenoh, then HTTP, then say "ready" with the bound addresses. Stop, on
-    SIGTERM or SIGINT: not ready any more, accept nothing new, answer what has arrived, close; within two seconds.
+Start: build and warm the engine, open TCP and Zenoh, then HTTP, then say "ready" with the bound addresses.
+Stop, on SIGTERM or SIGINT: not ready any more, accept nothing new, answer what has arrived, close; within two seconds.
 """
 
 import asyncio
