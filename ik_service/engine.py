@@ -1,6 +1,5 @@
 """What answers requests: the robot, a solver for each preset, and the description a client gets from `info`."""
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -92,19 +91,14 @@ class Engine:
         robot = self.robot
         # A mean of values within the limits is within them, but for rounding.
         q = np.clip(smoothing(solution.q), robot.lower, robot.upper)
-        pairs = list(zip(robot.fk(q), (request.left_wrist, request.right_wrist), strict=True))
+        position_error, rotation_error = robot.wrist_errors(q, request.left_wrist, request.right_wrist)
         return replace(
             solution,
             q=q,
             tau=robot.gravity_torque(q),
-            position_error=np.array([np.linalg.norm(T[:3, 3] - target[:3, 3]) for T, target in pairs]),
-            rotation_error=np.array([_angle(T[:3, :3], target[:3, :3]) for T, target in pairs]),
+            position_error=position_error,
+            rotation_error=rotation_error,
         )
-
-
-def _angle(R: np.ndarray, R_target: np.ndarray) -> float:
-    """Angle between two rotations [rad]: |R - R_target| = 2 sqrt(2) sin(angle / 2) in the Frobenius norm."""
-    return 2.0 * math.asin(min(1.0, float(np.linalg.norm(R - R_target)) / math.sqrt(8.0)))
 
 
 def _about(

@@ -152,7 +152,7 @@ class Robot:
 
         Raises:
             RobotError: The file cannot be read as a robot, a joint or frame is missing, a joint is not revolute or
-                has no limits, a joint is listed twice, or an arm's joints are not one chain.
+                has no limits, or an arm's joints are not one chain.
         """
         full = _read_model(description.model)
         names = description.arm_joints
@@ -211,6 +211,24 @@ class Robot:
         left, right = (T_base_world * self._data.oMf[frame] for frame in self._wrist_frames)
         return left.homogeneous, right.homogeneous
 
+    def wrist_errors(
+        self, q: np.ndarray, left_wrist: np.ndarray, right_wrist: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """How far the wrists are from their targets.
+
+        Args:
+            q: Joint positions [rad], shape (nq,).
+            left_wrist: Target `T_base_wrist` of the left arm, shape (4, 4).
+            right_wrist: Target of the right arm, likewise.
+
+        Returns:
+            Distance of each wrist from its target [m] and angle between them [rad], each of shape (2,).
+        """
+        pairs = list(zip(self.fk(q), (left_wrist, right_wrist), strict=True))
+        distances = [np.linalg.norm(wrist[:3, 3] - target[:3, 3]) for wrist, target in pairs]
+        angles = [np.linalg.norm(pin.log3(wrist[:3, :3] @ target[:3, :3].T)) for wrist, target in pairs]
+        return np.array(distances), np.array(angles)
+
     def gravity_torque(self, q: np.ndarray) -> np.ndarray:
         """Joint torques that hold the arms still against gravity: the recursive Newton-Euler algorithm at v = a = 0.
 
@@ -246,12 +264,9 @@ def _read_model(path: Path) -> pin.Model:
 
 
 def _check_joints(description: RobotDescription, model: pin.Model) -> None:
-    names = description.arm_joints
-    if doubled := next((name for name in names if names.count(name) > 1), None):
-        raise RobotError(description.source, f"joint {doubled} is listed twice in the arms")
     if not model.existFrame(description.base):
         raise RobotError(description.source, f"base {description.base} is not a body of {description.model.name}")
-    for name in names:
+    for name in description.arm_joints:
         if not model.existJointName(name):
             raise RobotError(description.source, f"joint {name} is not in {description.model.name}")
         joint = model.joints[model.getJointId(name)]
@@ -275,10 +290,6 @@ def _add_wrist(model: pin.Model, arm: ArmDescription) -> int:
 
 
 def _chain(description: RobotDescription, model: pin.Model, arm: ArmDescription, T_world_base: pin.SE3) -> ArmChain:
-    if arm.wrist.joint != arm.joints[-1]:
-        raise RobotError(
-            description.source, f"frame {arm.wrist.name} is on {arm.wrist.joint}, not on the arm's last joint"
-        )
     parent, placements, axes, rows, inertias = 0, [], [], [], []
     for name in arm.joints:
         index = model.getJointId(name)

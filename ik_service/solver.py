@@ -11,7 +11,6 @@ from typing import Any, cast
 
 import casadi as ca
 import numpy as np
-import pinocchio as pin
 
 from ik_proto import Status
 from ik_service.descent import REPORT, TOLERANCE
@@ -114,17 +113,7 @@ class Solver:
 
     def _not_converged(self, left_wrist: np.ndarray, right_wrist: np.ndarray, q: np.ndarray) -> Solution:
         """Echo the request's q, with the truth about it."""
-        wrists = self._robot.fk(q)
-        errors = np.array(
-            [
-                (
-                    np.linalg.norm(wrist[:3, 3] - target[:3, 3]),
-                    np.linalg.norm(pin.log3(wrist[:3, :3] @ target[:3, :3].T)),
-                )
-                for wrist, target in zip(wrists, (left_wrist, right_wrist), strict=True)
-            ]
-        )
-        position_error, rotation_error = errors[:, 0], errors[:, 1]
+        position_error, rotation_error = self._robot.wrist_errors(q, left_wrist, right_wrist)
         objective = (
             self.preset.position * (position_error**2).sum()
             + self.preset.rotation * (rotation_error**2).sum()

@@ -161,12 +161,6 @@ def _pairs(ticks: list[Tick], arm: int) -> list[tuple[np.ndarray, np.ndarray]]:
     return [(tick.wrists[arm], tick.targets[arm]) for tick in ticks if tick.targets]
 
 
-def _answer_errors(ticks: list[Tick], arm: int) -> list[float]:
-    """Distance from the target that the solver reported for one arm [mm]."""
-    errors = (tick.report.position_error for tick in ticks)
-    return [1e3 * float(error[arm]) for error in errors if error is not None]
-
-
 def _machine() -> dict[str, str]:
     return {
         "platform": platform.platform(),
