@@ -5,6 +5,7 @@
     - `DecodeError`: a body is not JSON, or not MessagePack.
     - `RequestError`: a decoded request breaks the contract; carries the status and whatever of it could be read.
     - `ReplyError`: a reply breaks the contract.
+    - `RowError`: one row of a batch's array breaks it; the reader of the field turns it into one of the two above.
 """
 
 from typing import Any
@@ -56,3 +57,16 @@ class RequestError(ProtocolError):
 
 class ReplyError(ProtocolError):
     """A reply that breaks the contract."""
+
+
+class RowError(ProtocolError):
+    """One row of a batch's array breaks the contract.
+
+    Attributes:
+        row: Its index.
+    """
+
+    def __init__(self, row: int, message: str) -> None:
+        """Remember which row it is."""
+        super().__init__(message)
+        self.row = row

@@ -2,8 +2,18 @@
 
 PROTOCOL_VERSION = 1
 
-MAX_FRAME_BYTES = 64 * 1024
-"""Largest request or reply body [bytes]. A solve request takes about 1.3 kB as JSON, 0.6 kB as MessagePack."""
+MAX_FRAME_BYTES = 2 * 1024 * 1024
+"""Largest request or reply body [bytes]. A solve request takes about 1.3 kB as JSON, 0.6 kB as MessagePack; the largest
+batch with every optional field, 1.6 MB and 0.6 MB."""
+
+MAX_BATCH = 1024
+"""Most problems in one `solve_batch`."""
+
+MAX_STARTS = 256
+"""Most starts an arm may be given in mode `reach`."""
+
+DEFAULT_STARTS = 128
+"""Starts an arm is given in mode `reach` where a request does not say."""
 
 MAX_ID = 2**53 - 1
 """Largest request id: the integers a JSON number carries exactly (RFC 8259, section 6)."""
@@ -17,6 +27,9 @@ MAX_ABS_JOINT = 100.0
 ROTATION_TOLERANCE = 1e-3
 """Largest Frobenius norm of R^T R - I that still counts as a rotation; within it, R is projected onto SO(3).
 Larger than any float32 round trip leaves, small enough that a shear or a scale is refused."""
+
+MIN_ELBOW_LENGTH = 1e-6
+"""Shortest vector from shoulder to elbow that still has a direction; whatever its unit, a shorter one is noise."""
 
 DEFAULT_TCP = "127.0.0.1:12345"
 """Where the TCP JSON endpoint listens unless told otherwise [host:port]; the port of OpenWBT's `ik_server`."""

@@ -7,15 +7,24 @@ Treat messages as read-only. They are not frozen because one is made for every r
 frozen dataclass takes more than twice as long to make.
 """
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ik_proto.limits import DEFAULT_STARTS
 from ik_proto.status import Status
 
 Array = NDArray[np.float64]
+
+Mode = Literal["track", "reach"]
+"""How to solve: stay near `q` and never jump to another branch, or search the whole range of the joints."""
+MODES: tuple[Mode, ...] = get_args(Mode)
+
+Collision = Literal["off", "report", "avoid"]
+"""What to do about self-collision: nothing, measure the clearance, or keep it."""
+COLLISIONS: tuple[Collision, ...] = get_args(Collision)
 
 
 @dataclass(slots=True, eq=False)
@@ -29,6 +38,16 @@ class SolveRequest:
         dq: Joint velocities, shape (n,) [rad/s]. Not used by the presets so far; part of the contract since OpenWBT.
         preset: Name of the cost to minimise; None takes the service's default.
         id: Echoed in the reply.
+        mode: How to solve.
+        waist: Measured waist joints, shape (w,) [rad]; None for a straight waist. They carry the shoulders, while the
+            targets stay in the pelvis frame.
+        left_elbow: Wished direction from the left shoulder to the left elbow in the pelvis frame, a unit vector, and
+            the confidence in it from 0 to 1, shape (4,); None for no wish.
+        right_elbow: The same of the right arm.
+        weights: Factors from 0 to 1 on the preset's weights of left position, left rotation, right position and right
+            rotation, shape (2, 2); None for ones.
+        collision: What to do about self-collision; None takes the service's default.
+        starts: Most starts an arm is given in mode "reach".
     """
 
     left_wrist: Array
@@ -37,6 +56,48 @@ class SolveRequest:
     dq: Array
     preset: str | None = None
     id: int = 0
+    mode: Mode = "track"
+    waist: Array | None = None
+    left_elbow: Array | None = None
+    right_elbow: Array | None = None
+    weights: Array | None = None
+    collision: Collision | None = None
+    starts: int = DEFAULT_STARTS
+
+
+@dataclass(slots=True, eq=False)
+class SolveBatchRequest:
+    """Ask for the solutions of N problems at once: each row as a `SolveRequest` of its own, to the last bit.
+
+    Attributes:
+        left_wrist: Targets of the left wrist, shape (N, 4, 4) [m].
+        right_wrist: Targets of the right wrist, shape (N, 4, 4) [m].
+        q: Joint positions to start from and to stay near, shape (N, n) [rad].
+        dq: Joint velocities, shape (N, n) [rad/s]; None for zeros.
+        preset: Name of the cost to minimise, for all rows; None takes the service's default.
+        id: Echoed in the reply.
+        mode: How to solve, for all rows.
+        waist: Measured waist joints, shape (N, w) [rad]; None for a straight waist.
+        left_elbow: Wished directions of the left elbow and the confidence in each, shape (N, 4); None for no wish.
+        right_elbow: The same of the right arm.
+        weights: Factors on the preset's weights, shape (N, 2, 2); None for ones.
+        collision: What to do about self-collision, for all rows; None takes the service's default.
+        starts: Most starts an arm is given in mode "reach", for all rows.
+    """
+
+    left_wrist: Array
+    right_wrist: Array
+    q: Array
+    dq: Array | None = None
+    preset: str | None = None
+    id: int = 0
+    mode: Mode = "track"
+    waist: Array | None = None
+    left_elbow: Array | None = None
+    right_elbow: Array | None = None
+    weights: Array | None = None
+    collision: Collision | None = None
+    starts: int = DEFAULT_STARTS
 
 
 @dataclass(slots=True, eq=False)
@@ -46,10 +107,12 @@ class FkRequest:
     Attributes:
         q: Joint positions, shape (n,) [rad].
         id: Echoed in the reply.
+        waist: Measured waist joints, shape (w,) [rad]; None for a straight waist.
     """
 
     q: Array
     id: int = 0
+    waist: Array | None = None
 
 
 @dataclass(slots=True)
@@ -63,7 +126,7 @@ class InfoRequest:
     id: int = 0
 
 
-Request = SolveRequest | FkRequest | InfoRequest
+Request = SolveRequest | SolveBatchRequest | FkRequest | InfoRequest
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -99,6 +162,11 @@ class SolveReply(Reply):
         iterations: Newton iterations, both arms and all starts together.
         solve_us: Time spent solving [us].
         server_us: Time from the request's bytes to its solution [us].
+        clearance: Smallest distance between the capsules of any pair checked at `sol_q` [m], negative in penetration;
+            None on failure, or where it was not measured.
+        nearest: Names of the two capsules that distance is between; None as `clearance`.
+        start: Which start the solution came from: 0 for the request's `q`, k for the k-th further one; None on failure.
+        starts: Starts tried, both arms together; None on failure.
     """
 
     sol_q: Array | None = None
@@ -108,6 +176,42 @@ class SolveReply(Reply):
     iterations: int = 0
     solve_us: float = 0.0
     server_us: float = 0.0
+    clearance: float | None = None
+    nearest: tuple[str, str] | None = None
+    start: int | None = None
+    starts: int | None = None
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class BatchReply(Reply):
+    """Answer to a batch. Its `success` says that every row may be followed, its `status` is the gravest of its rows.
+
+    A row that did not converge echoes its `q`, and its other numbers are those at that `q`.
+
+    Attributes:
+        sol_q: Joint positions, shape (N, n) [rad].
+        statuses: What each row came to, N of them.
+        tau: Torque that holds the arms at `sol_q` against gravity, shape (N, n) [N m].
+        position_error: Distance of the left and the right wrist from its target at `sol_q`, shape (N, 2) [m].
+        rotation_error: Angle between the left and the right wrist and its target at `sol_q`, shape (N, 2) [rad].
+        clearance: Smallest distance between the capsules of any pair checked at `sol_q`, shape (N,) [m]; None where it
+            was not measured.
+        start: Which start each solution came from, N of them: 0 for the row's `q`, k for the k-th further one.
+        iterations: Newton iterations of all rows together.
+        solve_us: Time spent solving [us].
+        server_us: Time from the request's bytes to its solution [us].
+    """
+
+    sol_q: Array
+    statuses: list[Status]
+    tau: Array
+    position_error: Array
+    rotation_error: Array
+    clearance: Array | None
+    start: list[int]
+    iterations: int
+    solve_us: float
+    server_us: float
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -141,6 +245,10 @@ class InfoReply(Reply):
         presets: Names a solve may ask for.
         default_preset: The one used when it asks for none.
         kernel: How the solver runs: "c" (compiled) or "vm".
+        waist_joints: Names of the waist joints a request may give, in order; empty where the robot has none.
+        margin: Clearance that an answer keeps where collisions are avoided [m].
+        capsules: Names of the capsules between which clearance is measured.
+        modes: Modes a solve may ask for.
     """
 
     protocol: int
@@ -156,6 +264,10 @@ class InfoReply(Reply):
     presets: list[str]
     default_preset: str
     kernel: str
+    waist_joints: list[str] = field(default_factory=list)
+    margin: float = 0.0
+    capsules: list[str] = field(default_factory=list)
+    modes: list[str] = field(default_factory=lambda: list(MODES))
 
 
 Document = dict[str, Any]

@@ -7,9 +7,10 @@ read two of them and ignore the rest. A client of ours checks what it gets as st
 from typing import Any
 
 from ik_proto.errors import ReplyError
-from ik_proto.fields import read_array, read_id, read_number, read_text
-from ik_proto.messages import Document, FkReply, InfoReply, Reply, SolveReply
-from ik_proto.status import Status
+from ik_proto.fields import read_array, read_id, read_integer, read_number, read_text
+from ik_proto.limits import MAX_ID
+from ik_proto.messages import BatchReply, Document, FkReply, InfoReply, Reply, SolveReply
+from ik_proto.status import ANSWERS, Status, gravest
 
 
 def reply_document(reply: Reply) -> Document:
@@ -21,8 +22,8 @@ def reply_document(reply: Reply) -> Document:
     Returns:
         Its document, arrays still numpy arrays.
     """
-    head = {
-        "sol_q": reply.sol_q if isinstance(reply, SolveReply) else None,
+    head: Document = {
+        "sol_q": None,
         "success": reply.success,
         "error_msg": reply.error,
         "status": reply.status.value,
@@ -31,13 +32,23 @@ def reply_document(reply: Reply) -> Document:
     }
     match reply:
         case SolveReply():
+            head["sol_q"] = reply.sol_q
             if reply.success:
                 head["tau"] = reply.tau
                 head["position_error"] = reply.position_error
                 head["rotation_error"] = reply.rotation_error
+                if reply.clearance is not None:
+                    head["clearance"] = reply.clearance
+                    head["nearest"] = reply.nearest
+                if reply.start is not None:
+                    head["start"] = reply.start
+                    head["starts"] = reply.starts
             head["iterations"] = reply.iterations
             head["solve_us"] = reply.solve_us
             head["server_us"] = reply.server_us
+        case BatchReply():
+            head["sol_q"] = reply.sol_q
+            head |= {name: getattr(reply, name) for name in _BATCH_FIELDS}
         case FkReply():
             head["left_wrist"] = reply.left_wrist
             head["right_wrist"] = reply.right_wrist
@@ -46,7 +57,21 @@ def reply_document(reply: Reply) -> Document:
     return head
 
 
+_NOTHING: dict[str, Any] = {}
+
 _STATUSES = {status.value: status for status in Status}
+
+_BATCH_FIELDS = (
+    "statuses",
+    "tau",
+    "position_error",
+    "rotation_error",
+    "clearance",
+    "start",
+    "iterations",
+    "solve_us",
+    "server_us",
+)
 
 _INFO_FIELDS = (
     "protocol",
@@ -62,6 +87,10 @@ _INFO_FIELDS = (
     "presets",
     "default_preset",
     "kernel",
+    "waist_joints",
+    "margin",
+    "capsules",
+    "modes",
 )
 
 
@@ -90,9 +119,46 @@ def parse_solve_reply(document: Document, n: int) -> SolveReply:
             iterations=int(read_number(document, "iterations")),
             solve_us=read_number(document, "solve_us"),
             server_us=read_number(document, "server_us"),
+            **(_read_optional(document) if success else _NOTHING),
         )
     except ValueError as error:
         raise ReplyError(f"solve reply: {error}") from None
+
+
+def parse_batch_reply(document: Document, rows: int, n: int) -> BatchReply:
+    """Validate the reply to a `solve_batch` that was solved; a refusal has the form of a solve reply.
+
+    Args:
+        document: What a codec decoded.
+        rows: Number of problems asked for.
+        n: Number of joints of each.
+
+    Returns:
+        The reply.
+
+    Raises:
+        ReplyError: A required field is missing or wrong.
+    """
+    try:
+        head = _head(document)
+        statuses = _read_statuses(document, rows)
+        if head["status"] is not gravest(statuses):
+            raise ValueError(f"status {head['status']} is not the gravest of its rows")
+        return BatchReply(
+            **head,
+            sol_q=read_array(document, "sol_q", (rows, n)),
+            statuses=statuses,
+            tau=read_array(document, "tau", (rows, n)),
+            position_error=read_array(document, "position_error", (rows, 2)),
+            rotation_error=read_array(document, "rotation_error", (rows, 2)),
+            clearance=None if document.get("clearance") is None else read_array(document, "clearance", (rows,)),
+            start=_read_starts(document, rows),
+            iterations=int(read_number(document, "iterations")),
+            solve_us=read_number(document, "solve_us"),
+            server_us=read_number(document, "server_us"),
+        )
+    except ValueError as error:
+        raise ReplyError(f"batch reply: {error}") from None
 
 
 def parse_fk_reply(document: Document) -> FkReply:
@@ -135,6 +201,10 @@ def parse_info_reply(document: Document) -> InfoReply:
             presets=_read_names(document, "presets"),
             default_preset=read_text(document, "default_preset"),
             kernel=read_text(document, "kernel"),
+            waist_joints=_read_names(document, "waist_joints"),
+            margin=read_number(document, "margin"),
+            capsules=_read_names(document, "capsules"),
+            modes=_read_names(document, "modes"),
         )
     except ValueError as error:
         raise ReplyError(f"info reply: {error}") from None
@@ -156,6 +226,37 @@ def _head(document: Document) -> dict[str, Any]:
         "id": read_id(document),
         "boot_id": read_text(document, "boot_id"),
     }
+
+
+def _read_optional(document: Document) -> dict[str, Any]:
+    """What the answer to a solve says where it was looked at."""
+    read: dict[str, Any] = {}
+    if document.get("clearance") is not None:
+        read["clearance"] = read_number(document, "clearance")
+        names = document.get("nearest")
+        if not isinstance(names, list) or [type(name) for name in names] != [str, str]:
+            raise ValueError("nearest must be two names")
+        read["nearest"] = (names[0], names[1])
+    if document.get("start") is not None:
+        read["start"] = read_integer(document, "start", 0, MAX_ID)
+        read["starts"] = read_integer(document, "starts", 0, MAX_ID)
+    return read
+
+
+def _read_statuses(document: Document, rows: int) -> list[Status]:
+    words = document.get("statuses")
+    if not isinstance(words, list) or len(words) != rows:
+        raise ValueError(f"statuses must be a list of {rows} words")
+    if not all(word in ANSWERS for word in words):
+        raise ValueError(f"statuses must be {', '.join(ANSWERS)}")
+    return [_STATUSES[word] for word in words]
+
+
+def _read_starts(document: Document, rows: int) -> list[int]:
+    starts = document.get("start")
+    if not isinstance(starts, list) or len(starts) != rows or not all(type(k) is int and k >= 0 for k in starts):
+        raise ValueError(f"start must be a list of {rows} integers from 0")
+    return starts
 
 
 def _read_names(document: Document, name: str) -> list[str]:

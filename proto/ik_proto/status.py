@@ -4,6 +4,7 @@ The table is the single source: the service sets `success` from it, the client t
 a test holds `proto/README.md` to it.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -13,6 +14,7 @@ class Status(StrEnum):
 
     OK = "ok"
     UNREACHABLE = "unreachable"
+    BLOCKED = "blocked"
     NOT_CONVERGED = "not_converged"
     BAD_REQUEST = "bad_request"
     UNSUPPORTED = "unsupported"
@@ -47,6 +49,11 @@ STATUS_TABLE: dict[Status, StatusInfo] = {
         "solved to the optimum, but a wrist stays further from its target than the preset tolerates",
         "follow, and tell the operator",
     ),
+    Status.BLOCKED: StatusInfo(
+        True,
+        "the body is in the way of a target; `sol_q` is the nearest answer found that keeps the clearance margin",
+        "follow, and tell the operator",
+    ),
     Status.NOT_CONVERGED: StatusInfo(
         False, "the solver stopped before the optimum; `sol_q` echoes the request's `q`", "hold"
     ),
@@ -58,6 +65,23 @@ STATUS_TABLE: dict[Status, StatusInfo] = {
     Status.UNSUPPORTED: StatusInfo(
         False, "the verb, preset or protocol version is unknown to this service", "ask `info`, or update"
     ),
-    Status.OVERLOADED: StatusInfo(False, "the service has no room for this connection", "hold, retry later"),
+    Status.OVERLOADED: StatusInfo(
+        False, "the service has no room for this connection, or for one more long request", "hold, retry later"
+    ),
     Status.INTERNAL: StatusInfo(False, "a fault in the service, written to its log", "hold, report it"),
 }
+
+ANSWERS = (Status.OK, Status.UNREACHABLE, Status.BLOCKED, Status.NOT_CONVERGED)
+"""What a solve can come to, the better first; every other status is a refusal."""
+
+
+def gravest(statuses: Iterable[Status]) -> Status:
+    """Sum up a batch: the gravest status of its rows stands for all, so that success means success of every row.
+
+    Args:
+        statuses: One of `ANSWERS` for each row; at least one.
+
+    Returns:
+        The one furthest down in `ANSWERS`.
+    """
+    return max(statuses, key=ANSWERS.index)

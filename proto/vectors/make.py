@@ -1,7 +1,8 @@
 """Write the golden frames: `python proto/vectors/make.py`.
 
 Each example is written as a JSON body (`NAME.json`) and as a MessagePack body (`NAME.msgpack`), one also as a whole
-TCP frame (`solve_request.frame`). The numbers are chosen to catch a swapped arm, a transposed matrix and a wrong byte
+TCP frame (`solve_request.frame`). An example is a message of the schema's kind of the same name, but for those that
+`KINDS` lists. The numbers are chosen to catch a swapped arm, a transposed matrix and a wrong byte
 order; a test holds the files to the code.
 """
 
@@ -12,11 +13,13 @@ import numpy as np
 from ik_proto import (
     JSON,
     MSGPACK,
+    BatchReply,
     Document,
     FkReply,
     FkRequest,
     InfoReply,
     InfoRequest,
+    SolveBatchRequest,
     SolveReply,
     SolveRequest,
     Status,
@@ -36,11 +39,45 @@ def pose(x: float, y: float, z: float) -> np.ndarray:
 LEFT, RIGHT = pose(0.25, 0.125, 0.0625), pose(0.375, -0.25, 0.5)
 Q = np.arange(14, dtype=np.float64) / 16.0
 TAU = (np.arange(14, dtype=np.float64) - 7.0) / 8.0
+WAIST = np.array([0.125, -0.0625, 0.25])
+LEFT_ELBOW, RIGHT_ELBOW = np.array([0.0, 0.6, -0.8, 0.75]), np.array([-0.6, 0.0, -0.8, 0.5])
+WEIGHTS = np.array([[1.0, 0.5], [0.75, 0.0]])
 NAMES = [f"{side}_joint_{k}" for side in ("left", "right") for k in range(1, 8)]
 
 EXAMPLES: dict[str, Document] = {
     "solve_request": request_document(SolveRequest(LEFT, RIGHT, Q, -Q, preset="openwbt", id=7)),
+    "reach_request": request_document(
+        SolveRequest(
+            LEFT,
+            RIGHT,
+            Q,
+            -Q,
+            id=11,
+            mode="reach",
+            waist=WAIST,
+            left_elbow=LEFT_ELBOW,
+            right_elbow=RIGHT_ELBOW,
+            weights=WEIGHTS,
+            collision="report",
+            starts=32,
+        )
+    ),
+    "solve_batch_request": request_document(
+        SolveBatchRequest(
+            np.stack([LEFT, RIGHT]),
+            np.stack([RIGHT, LEFT]),
+            np.stack([Q, -Q]),
+            id=12,
+            mode="reach",
+            waist=np.stack([WAIST, -WAIST]),
+            left_elbow=np.stack([LEFT_ELBOW, RIGHT_ELBOW]),
+            weights=np.stack([WEIGHTS, WEIGHTS.T]),
+            collision="avoid",
+            starts=16,
+        )
+    ),
     "fk_request": request_document(FkRequest(Q, id=8)),
+    "bent_fk_request": request_document(FkRequest(Q, id=13, waist=WAIST)),
     "info_request": request_document(InfoRequest(id=9)),
     "openwbt_request": {
         "left_wrist": LEFT.tolist(),
@@ -62,6 +99,45 @@ EXAMPLES: dict[str, Document] = {
             iterations=4,
             solve_us=11.5,
             server_us=23.25,
+        )
+    ),
+    "blocked_reply": reply_document(
+        SolveReply(
+            success=True,
+            error="",
+            status=Status.BLOCKED,
+            id=11,
+            boot_id="c0ffee0123456789",
+            sol_q=Q - 0.5,
+            tau=-TAU,
+            position_error=np.array([0.0625, 0.0]),
+            rotation_error=np.array([0.25, 0.0]),
+            iterations=96,
+            solve_us=310.5,
+            server_us=325.75,
+            clearance=0.01171875,
+            nearest=("left_forearm", "torso"),
+            start=3,
+            starts=10,
+        )
+    ),
+    "batch_reply": reply_document(
+        BatchReply(
+            success=False,
+            error="1 of 2 rows did not converge, the first is row 1: hold there, their sol_q is their q",
+            status=Status.NOT_CONVERGED,
+            id=12,
+            boot_id="c0ffee0123456789",
+            sol_q=np.stack([Q + 0.5, -Q]),
+            statuses=[Status.OK, Status.NOT_CONVERGED],
+            tau=np.stack([TAU, -TAU]),
+            position_error=np.array([[0.00390625, 0.0078125], [0.5, 0.25]]),
+            rotation_error=np.array([[0.015625, 0.03125], [1.0, 2.0]]),
+            clearance=np.array([0.03125, 0.015625]),
+            start=[2, 0],
+            iterations=48,
+            solve_us=151.5,
+            server_us=183.25,
         )
     ),
     "refusal": reply_document(
@@ -102,12 +178,18 @@ EXAMPLES: dict[str, Document] = {
             velocity=np.full(14, 37.0),
             shoulders=np.array([[0.0, 0.125, 0.25], [0.0, -0.125, 0.25]]),
             reach=np.array([0.5, 0.5]),
-            presets=["openwbt"],
-            default_preset="openwbt",
+            presets=["precise", "openwbt"],
+            default_preset="precise",
             kernel="c",
+            waist_joints=["waist_yaw", "waist_roll", "waist_pitch"],
+            margin=0.0078125,
+            capsules=["torso", "left_forearm", "right_forearm"],
+            modes=["track", "reach"],
         )
     ),
 }
+
+KINDS = {"reach_request": "solve_request", "bent_fk_request": "fk_request", "blocked_reply": "solve_reply"}
 
 
 def files() -> dict[str, bytes]:

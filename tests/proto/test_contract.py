@@ -3,6 +3,7 @@
 import json
 import re
 import runpy
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import umsgpack
 
 import ik_proto
 from ik_proto import JSON, MSGPACK, STATUS_TABLE, FrameDecoder, limits, parse_request, parse_solve_reply
+from ik_proto.requests import _FIELDS
 
 PROTO = Path(__file__).resolve().parents[2] / "proto"
 VECTORS = PROTO / "vectors"
@@ -20,8 +22,16 @@ GOLDEN = runpy.run_path(str(VECTORS / "make.py"))
 SCHEMA = json.loads((PROTO / "schema" / "messages.schema.json").read_text())
 
 
+def read(name: str) -> dict[str, Any]:
+    return json.loads((VECTORS / f"{name}.json").read_bytes())
+
+
 def validator(message: str) -> Any:
     return jsonschema.Draft202012Validator({**SCHEMA, "anyOf": [{"$ref": f"#/$defs/{message}"}]})
+
+
+def schema_of(name: str) -> str:
+    return GOLDEN["KINDS"].get(name, name)
 
 
 @pytest.mark.parametrize("name", GOLDEN["files"]().keys())
@@ -39,6 +49,8 @@ def as_numbers(document: dict[str, Any]) -> dict[str, Any]:
     def plain(value: Any) -> Any:
         if isinstance(value, bytes):
             return np.frombuffer(value, "<f8").tolist()
+        if isinstance(value, tuple):
+            return list(value)
         if isinstance(value, list | np.ndarray) and not (len(value) and isinstance(value[0], str)):
             return np.ravel(value).tolist()
         return value
@@ -73,33 +85,121 @@ def test_the_frame_vector_is_one_frame() -> None:
 @pytest.mark.parametrize("name", GOLDEN["EXAMPLES"].keys())
 def test_vectors_fit_their_schema_and_no_other_kind(name: str) -> None:
     document = json.loads((VECTORS / f"{name}.json").read_bytes())
-    validator(name).validate(document)
-    kind = "request" if name.endswith("request") else "reply"
-    others = [n for n in GOLDEN["EXAMPLES"] if n != name and n.endswith("request") == (kind == "request")]
-    assert not any(validator(other).is_valid(document) for other in others)
+    validator(schema_of(name)).validate(document)
+    kinds = {schema_of(n) for n in GOLDEN["EXAMPLES"] if n.endswith("request") == name.endswith("request")}
+    assert [kind for kind in kinds if validator(kind).is_valid(document)] == [schema_of(name)]
 
 
 @pytest.mark.parametrize(
     "change",
-    [{"q": [0.0, None]}, {"left_wrist": np.eye(3).tolist()}, {"id": -1}, {"v": 2}, {"presett": 1}, {"q": "0"}],
+    [
+        {"q": [0.0, None]},
+        {"left_wrist": np.eye(3).tolist()},
+        {"id": -1},
+        {"v": 2},
+        {"presett": 1},
+        {"q": "0"},
+        {"mode": "walk"},
+        {"mode": 1},
+        {"waist": ["a", "b", "c"]},
+        {"left_elbow": [0.0, 0.0, 1.0]},
+        {"left_elbow": [0.0, 0.0, 1.0, 1.5]},
+        {"right_elbow": [0.0, 0.0, 1.0, -0.5]},
+        {"weights": [[1.0, 1.0]]},
+        {"weights": [[1.0, 1.0], [1.0, 2.0]]},
+        {"collision": "on"},
+        {"starts": 0},
+        {"starts": 257},
+        {"starts": 2.5},
+    ],
     ids=str,
 )
 def test_schema_and_code_refuse_alike(change: dict[str, Any]) -> None:
-    document = json.loads((VECTORS / "solve_request.json").read_bytes()) | change
-    assert not validator("solve_request").is_valid(document)
+    for name in ("solve_request", "reach_request"):
+        document = read(name) | change
+        assert not validator("solve_request").is_valid(document)
+        with pytest.raises(ik_proto.RequestError):
+            parse_request(document, 14)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"q": []},
+        {"q": [0.0] * 14},
+        {"left_wrist": np.eye(4).tolist()},
+        {"left_wrist": np.ones((1025, 4, 4)).tolist()},
+        {"waist": [0.0] * 3},
+        {"left_elbow": [[0.0, 0.0, 1.0, 1.5]] * 2},
+        {"weights": [[1.0, 1.0], [1.0, 1.0]]},
+        {"collision": "on"},
+        {"starts": [1, 1]},
+        {"mode": ["track", "reach"]},
+        {"presett": 1},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_schema_and_code_refuse_a_batch_alike(change: dict[str, Any]) -> None:
+    document = read("solve_batch_request") | change
+    assert not validator("solve_batch_request").is_valid(document)
     with pytest.raises(ik_proto.RequestError):
         parse_request(document, 14)
 
 
-def test_a_reply_without_a_required_key_fits_neither_schema_nor_code() -> None:
-    document = json.loads((VECTORS / "solve_reply.json").read_bytes())
-    for key in SCHEMA["$defs"]["solve_reply"]["required"]:
-        if key == "id":  # 0 where absent
-            continue
+@pytest.mark.parametrize("name", ["solve_request", "solve_batch_request", "fk_request"])
+def test_schema_and_code_let_what_is_not_required_be_null(name: str) -> None:
+    schema = SCHEMA["$defs"][name]
+    optional = schema["properties"].keys() - {"verb", "v", "id", *schema["required"]}
+    document = read(name) | dict.fromkeys(optional)
+    validator(name).validate(document)
+    parse_request(document, 14)
+
+
+def test_schema_and_code_know_the_same_fields_and_words() -> None:
+    fields = _FIELDS
+    defs = SCHEMA["$defs"]
+    for verb, kind in (("solve", "solve_request"), ("solve_batch", "solve_batch_request"), ("fk", "fk_request")):
+        assert defs[kind]["properties"].keys() == fields[verb]
+    assert defs["mode"]["enum"] == [*ik_proto.MODES, None]
+    assert defs["collision"]["enum"] == [*ik_proto.COLLISIONS, None]
+    assert (defs["starts"]["minimum"], defs["starts"]["maximum"]) == (1, limits.MAX_STARTS)
+    for properties in (defs["solve_batch_request"]["properties"], defs["batch_reply"]["properties"]):
+        lengths = [value["maxItems"] for value in properties.values() if value.get("type") == "array"]
+        assert set(lengths) == {limits.MAX_BATCH}
+    assert defs["batch_reply"]["properties"]["status"]["enum"] == [status.value for status in ik_proto.ANSWERS]
+
+
+@pytest.mark.parametrize("name", ["solve_reply", "blocked_reply"])
+def test_schema_and_code_want_what_belongs_together(name: str) -> None:
+    document = read("blocked_reply") | read(name)
+    for key in ("nearest", "starts"):
         less = {k: v for k, v in document.items() if k != key}
-        assert not validator("solve_reply").is_valid(less), key
+        assert not validator("solve_reply").is_valid(less)
         with pytest.raises(ik_proto.ReplyError):
             parse_solve_reply(less, 14)
+
+
+PARSERS: dict[str, Callable[[dict[str, Any]], Any]] = {
+    "solve_reply": lambda document: parse_solve_reply(document, 14),
+    "batch_reply": lambda document: ik_proto.parse_batch_reply(document, 2, 14),
+    "fk_reply": ik_proto.parse_fk_reply,
+    "info_reply": ik_proto.parse_info_reply,
+}
+
+
+@pytest.mark.parametrize("name", PARSERS)
+def test_a_reply_without_a_required_key_fits_neither_schema_nor_code(name: str) -> None:
+    document = read(name)
+    PARSERS[name](document)
+    absent_is_null = {"id", "clearance"} if name == "batch_reply" else {"id"}
+    if name in ("fk_reply", "info_reply"):
+        absent_is_null.add("sol_q")
+    for key in SCHEMA["$defs"][name]["required"]:
+        less = {k: v for k, v in document.items() if k != key}
+        assert not validator(name).is_valid(less), key
+        if key not in absent_is_null:
+            with pytest.raises(ik_proto.ReplyError):
+                PARSERS[name](less)
 
 
 def test_schema_lists_every_status() -> None:
@@ -114,8 +214,55 @@ def test_readme_holds_the_status_table() -> None:
 
 def test_readme_quotes_the_limits() -> None:
     text = (PROTO / "README.md").read_text()
-    for number in (limits.MAX_FRAME_BYTES, limits.MAX_ABS_POSITION, limits.MAX_ABS_JOINT):
-        assert f"{number:g}" in text or f"{number:,}" in text, number
+    for number in (
+        limits.MAX_FRAME_BYTES,
+        limits.MAX_ABS_POSITION,
+        limits.MAX_ABS_JOINT,
+        limits.MAX_BATCH,
+        limits.MAX_STARTS,
+        limits.DEFAULT_STARTS,
+        limits.MIN_ELBOW_LENGTH,
+    ):
+        assert re.search(rf"(?<![\d.,])({number:,}|{number:g})(?!\d|,\d)", text), number
+
+
+def test_readme_lists_every_field() -> None:
+    text = (PROTO / "README.md").read_text()
+    rows = re.findall(r"^\| (`[^|]+) \|", text, re.MULTILINE)
+    listed = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
+    for kind in ("solve_request", "solve_batch_request", "fk_request", "solve_reply", "fk_reply", "info_reply"):
+        assert SCHEMA["$defs"][kind]["properties"].keys() <= listed, kind
+    batch = text[text.index("**The answer to a batch**") :].split("\n\n")[0]
+    own = SCHEMA["$defs"]["batch_reply"]["properties"].keys() - SCHEMA["$defs"]["refusal"]["properties"].keys()
+    assert {name for name in own | {"sol_q", "status", "success"} if f"`{name}`" not in batch} == set()
+
+
+EXAMPLES = re.findall(r"^```json\n(.*?)^```$", (PROTO / "README.md").read_text(), re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_readme_examples_are_what_schema_and_code_take(example: str) -> None:
+    fragment = json.loads(example)
+    if fragment.get("verb") == "solve_batch":
+        validator("solve_batch_request").validate(fragment)
+        got = parse_request(fragment, 2)
+        assert isinstance(got, ik_proto.SolveBatchRequest)
+        assert got.q.shape == (2, 2)
+    elif "status" in fragment:
+        document = read("solve_reply") | fragment
+        validator("solve_reply").validate(document)
+        parse_solve_reply(document, 14)
+        assert fragment.keys() <= SCHEMA["$defs"]["solve_reply"]["properties"].keys()
+    else:
+        document = read("solve_request") | fragment
+        validator("solve_request").validate(document)
+        parse_request(document, 14)
+
+
+def test_readme_has_an_example_of_every_new_thing() -> None:
+    keys = {key for example in EXAMPLES for key in json.loads(example)}
+    for name in ("mode", "starts", "waist", "left_elbow", "right_elbow", "weights", "collision", "nearest", "verb"):
+        assert name in keys
 
 
 def test_everything_exported_exists() -> None:

@@ -1,11 +1,14 @@
 """Only rigid transforms pass, and those that pass come out exact."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ik_proto.pose import as_pose
+from ik_proto.errors import RowError
+from ik_proto.pose import as_pose, as_poses
 
 
 def random_rotation(seed: int) -> np.ndarray:
@@ -58,5 +61,47 @@ REFUSED = {
 
 @pytest.mark.parametrize(("T", "reason"), REFUSED.values(), ids=REFUSED.keys())
 def test_anything_else_is_refused_with_its_reason(T: np.ndarray, reason: str) -> None:
-    with pytest.raises(ValueError, match=reason):
+    with pytest.raises(ValueError, match=f"^is not a pose: .*{reason}"):
         as_pose(T)
+
+
+@given(st.integers(0, 2**32), st.integers(1, 30))
+def test_a_batch_gives_what_its_rows_give_to_the_last_bit(seed: int, N: int) -> None:
+    rng = np.random.default_rng(seed)
+    T = np.stack([pose_of(random_rotation(seed + k), tuple(rng.uniform(-1.0, 1.0, 3))) for k in range(N)])
+    T[:, :3, :3] += rng.choice([0.0, 1e-15, 1e-9, 1e-5], (N, 1, 1)) * rng.uniform(-1.0, 1.0, (N, 3, 3))
+    before = T.copy()
+    assert as_poses(T).tobytes() == np.stack([as_pose(row) for row in T]).tobytes()
+    assert np.array_equal(T, before)
+
+
+def test_an_exact_batch_passes_untouched() -> None:
+    T = np.stack([pose_of(np.eye(3))] * 3)
+    assert as_poses(T) is T
+
+
+@pytest.mark.parametrize(("T", "reason"), REFUSED.values(), ids=REFUSED.keys())
+def test_a_batch_names_its_first_bad_row_in_the_same_words(T: np.ndarray, reason: str) -> None:
+    batch = np.stack([pose_of(np.eye(3)), pose_of(random_rotation(3)), T, pose_of(np.eye(3)), T])
+    with pytest.raises(RowError, match=f"^is not a pose: .*{reason}") as refusal:
+        as_poses(batch)
+    assert refusal.value.row == 2
+    with pytest.raises(ValueError) as alone:  # noqa: PT011
+        as_pose(T)
+    assert str(refusal.value) == str(alone.value)
+
+
+numbers = st.floats(allow_nan=True, allow_infinity=True) | st.sampled_from([0.0, 1.0, -1.0, 1e-4])
+
+
+@given(st.lists(numbers, min_size=16, max_size=16))
+def test_a_batch_of_one_and_one_agree_about_any_numbers(entries: list[float]) -> None:
+    T = np.array(entries).reshape(4, 4)
+
+    def outcome(read: Callable[[], np.ndarray]) -> bytes | str:
+        try:
+            return read().tobytes()
+        except ValueError as error:
+            return str(error)
+
+    assert outcome(lambda: as_pose(T)) == outcome(lambda: as_poses(T[None]))

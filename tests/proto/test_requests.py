@@ -1,6 +1,7 @@
 """Requests: what is accepted, what is refused and in which words, and that nothing else can happen."""
 
 import json
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -54,6 +55,57 @@ def test_fk_and_info_survive_the_wire(codec: Codec) -> None:
     assert parse_request(codec.decode(codec.encode(request_document(InfoRequest(id=4)))), N) == InfoRequest(id=4)
 
 
+def test_a_plain_solve_stands_for_the_defaults() -> None:
+    got = parse_request(solve_document(), N)
+    assert isinstance(got, SolveRequest)
+    assert (got.mode, got.collision, got.starts) == ("track", None, 128)
+    assert (got.waist, got.left_elbow, got.right_elbow, got.weights, got.preset) == (None,) * 5
+    names = ("mode", "waist", "left_elbow", "right_elbow", "weights", "collision", "starts", "preset")
+    null = parse_request(solve_document(**dict.fromkeys(names)), N)
+    assert [getattr(null, name) for name in names] == [getattr(got, name) for name in names]
+    # What is not asked for is not sent either: a plain request is no longer than it ever was.
+    assert request_document(got).keys() == {"v", "id", "verb", "left_wrist", "right_wrist", "q", "dq"}
+
+
+def test_what_openwbt_calls_by_our_names_is_ignored() -> None:
+    document = solve_document(waist="left", mode=3, weights=[80.0], current_lr_arm_q=Q.tolist())
+    document["current_lr_arm_dq"] = document.pop("dq")
+    got = parse_request(document, N)
+    assert isinstance(got, SolveRequest)
+    assert (got.mode, got.waist, got.weights) == ("track", None, None)
+
+
+@pytest.mark.parametrize("n_waist", [0, 1, 3])
+def test_the_waist_has_as_many_joints_as_the_robot(n_waist: int) -> None:
+    waist = [0.1] * n_waist
+    for document in (solve_document(waist=waist), {"verb": "fk", "q": Q.tolist(), "waist": waist}):
+        got = parse_request(document, N, n_waist)
+        assert isinstance(got, SolveRequest | FkRequest)
+        assert got.waist is not None
+        assert got.waist.tolist() == waist
+        with pytest.raises(RequestError, match="waist must have shape"):
+            parse_request(document | {"waist": [0.0] * 4}, N, n_waist)
+
+
+@pytest.mark.parametrize("verb", ["solve", "solve_batch", "fk"])
+@pytest.mark.parametrize("field", ["q", "left_wrist", "waist", "weights"])
+def test_strings_cost_no_more_memory_than_they_bring(verb: str, field: str) -> None:
+    """One long string among many empty ones: as an array of strings of one length it would be a hundred gigabytes."""
+    long = "x" * 1_000_000
+    many = [[long] + [""] * 99_999] if field in ("left_wrist", "weights") else [long] + [""] * 99_999
+    for value in (many, [many] * 2, [[text.encode() for text in many[0]]] if isinstance(many[0], list) else [many]):
+        document = solve_document() | {"verb": verb, field: value}
+        if verb == "solve_batch":
+            document = {k: ([v] if isinstance(v, list) and k != field else v) for k, v in document.items()}
+        tracemalloc.start()
+        try:
+            with pytest.raises(RequestError):
+                parse_request(document, N)
+            assert tracemalloc.get_traced_memory()[1] < 20_000_000
+        finally:
+            tracemalloc.stop()
+
+
 def test_openwbt_form_is_a_solve_and_its_extra_keys_are_ignored() -> None:
     body = json.dumps(
         {
@@ -90,6 +142,38 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "boolean id": (solve_document(id=True), "id must be an integer"),
     "id beyond JSON": (solve_document(id=2**53), "id must be an integer"),
     "preset of another type": (solve_document(preset=7), "preset must be a string"),
+    "unknown mode": (solve_document(mode="walk"), "mode 'walk' is not known, there are track, reach"),
+    "mode of another type": (solve_document(mode=["reach"]), "mode must be a string, there are track, reach"),
+    "unknown collision": (solve_document(collision="on"), "collision 'on' is not known, there are off, report, avoid"),
+    "two waist joints": (solve_document(waist=[0.0, 0.0]), "waist must have shape 3, not 2"),
+    "waist in degrees": (solve_document(waist=[0.0, 0.0, 180.0]), "waist is beyond 100"),
+    "elbow without confidence": (solve_document(left_elbow=[0.0, 0.0, -1.0]), "left_elbow must have shape 4, not 3"),
+    "elbow too sure": (solve_document(right_elbow=[0.0, 0.0, -1.0, 1.5]), "right_elbow has confidence 1.5"),
+    "elbow nowhere": (solve_document(left_elbow=[0.0, 0.0, 0.0, 0.5]), "left_elbow points nowhere"),
+    "NaN elbow": (solve_document(left_elbow=[float("nan"), 0.0, 1.0, 0.5]), "left_elbow holds a number that is not fi"),
+    "four weights": (solve_document(weights=[1.0] * 4), "weights must have shape 2x2, not 4"),
+    "heavy weights": (solve_document(weights=[[1.0, 1.0], [1.0, 50.0]]), "weights must hold factors from 0 to 1"),
+    "no starts": (solve_document(starts=0), "starts must be an integer from 1 to 256"),
+    "too many starts": (solve_document(starts=257), "starts must be an integer from 1 to 256"),
+    "half a start": (solve_document(starts=1.5), "starts must be an integer from 1 to 256"),
+    "true starts": (solve_document(starts=True), "starts must be an integer from 1 to 256"),
+    "waist of fk": ({"verb": "fk", "q": Q.tolist(), "waist": [0.0]}, "waist must have shape 3, not 1"),
+    "mode of fk": ({"verb": "fk", "q": Q.tolist(), "mode": "reach"}, "fk has no field 'mode'"),
+    "preset of fk": ({"verb": "fk", "q": Q.tolist(), "preset": "openwbt"}, "fk has no field 'preset'"),
+    "q of info": ({"verb": "info", "q": Q.tolist()}, "info has no field 'q'"),
+    "strings in a pose": (
+        solve_document(left_wrist=[["1"] * 4] * 3 + [[0, 0, 0, 1]]),
+        "left_wrist must be an array of numbers",
+    ),
+    "booleans as a pose": (
+        solve_document(left_wrist=np.eye(4, dtype=bool).tolist()),
+        "left_wrist must be an array of num",
+    ),
+    "null in a pose": (
+        solve_document(left_wrist=[[None] * 4] * 3 + [[0, 0, 0, 1]]),
+        "left_wrist must be an array of numbers",
+    ),
+    "huge integers in a pose": (solve_document(left_wrist=[[10**400] * 4] * 3 + [[0, 0, 0, 1]]), "left_wrist"),
     "field of another verb": ({"verb": "fk", "q": Q.tolist(), "dq": Q.tolist()}, "fk has no field 'dq'"),
 }
 
@@ -109,6 +193,18 @@ def test_an_unknown_verb_or_version_is_unsupported(changes: dict[str, Any]) -> N
     with pytest.raises(RequestError) as refusal:
         parse_request(solve_document(**changes), N)
     assert refusal.value.status is Status.UNSUPPORTED
+
+
+@pytest.mark.parametrize("field", ["v", "verb", "id", "q", "left_wrist", "mode", "weights", "other"])
+def test_lists_nested_as_deep_as_a_codec_allows_are_refused(field: str) -> None:
+    nested: list[Any] = []
+    for _ in range(1019):
+        nested = [nested]
+    body = b'{"verb": "solve", "%s": %s%s}' % (field.encode(), b"[" * 1020, b"]" * 1020)
+    for document in (JSON.decode(body), solve_document() | {field: nested}):
+        with pytest.raises(RequestError) as refusal:
+            parse_request(document, N)
+        assert len(str(refusal.value)) < 200
 
 
 def test_a_refusal_carries_what_could_be_read() -> None:
@@ -136,9 +232,9 @@ any_value = st.recursive(
     lambda inner: st.lists(inner, max_size=5) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
     max_leaves=12,
 )
-field_names = st.sampled_from(
-    ["v", "id", "verb", "q", "dq", "left_wrist", "right_wrist", "preset", "current_lr_arm_q", "current_lr_arm_dq"]
-)
+plain_names = ["v", "id", "verb", "q", "dq", "left_wrist", "right_wrist", "preset"]
+option_names = ["mode", "waist", "left_elbow", "right_elbow", "weights", "collision", "starts"]
+field_names = st.sampled_from([*plain_names, *option_names, "current_lr_arm_q", "current_lr_arm_dq"])
 
 
 @given(st.dictionaries(field_names | st.integers(), any_value, max_size=8), st.booleans())
