@@ -1,4 +1,4 @@
-"""The compiled heart of the solver: one descent function an arm, as generated C or in CasADi's virtual machine.
+"""The compiled heart of the solver: its CasADi functions, as generated C or in CasADi's virtual machine.
 
 Both forms come from the same expressions. Generated C is used only after it has agreed with the virtual machine on
 random problems at load time; where it cannot be built or does not agree, the virtual machine serves, about eight
@@ -7,18 +7,27 @@ times slower, and `note` says why.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import casadi as ca
 import numpy as np
 
+from ik_service.arm import Arm
+from ik_service.avoidance import avoidance
 from ik_service.compiler import CompileError, library
-from ik_service.descent import descent
-from ik_service.objective import Preset
-from ik_service.robot import ArmChain, Robot
+from ik_service.dual_arm import dual_arm
+from ik_service.layout import OFF, REPORT, REPORT_ONLY, Inputs, Layout
+from ik_service.preset import Preset
+from ik_service.problem import Problem
+from ik_service.reach import attempt
+from ik_service.robot import Robot
+from ik_service.seeds import Seeds
+
+ROWS = 32
+"""Problems of a batch that one call solves."""
 
 AGREEMENT_PROBLEMS = 16
-"""Random problems an arm on which generated C and virtual machine must agree."""
+"""Random problems on which generated C and virtual machine must agree."""
 
 OUTSIDE = 0.3
 """How far beyond the limits such a problem may pull a joint [rad]."""
@@ -27,88 +36,123 @@ AGREEMENT = 1e-6
 """Largest difference of two solutions that agree [rad], of two reports, and of two torques [N m]; rounding leaves about
 1e-9."""
 
+_COMPARED = [
+    REPORT.index(key) for key in REPORT if key not in ("settled_left", "settled_right", "iterations", "nearest")
+]
+
 
 @dataclass(frozen=True)
 class Kernel:
-    """Descent functions ready to be shared by any number of solvers.
+    """Functions ready to be shared by any number of solvers.
 
     Attributes:
-        preset: The cost they minimise.
-        descents: One function an arm, left then right; `descent.descent` documents arguments and results.
+        solve: See `dual_arm.dual_arm`.
+        attempt: See `reach.attempt`.
+        solve_rows: `solve` for `ROWS` problems at once, vectors side by side in columns.
+        seeds: Starts of the left and of the right arm.
         kind: "c" for generated C, "vm" for the virtual machine.
         note: One line on why the kernel is not what was asked for, or why the cache was not used; else empty.
     """
 
-    preset: Preset
-    descents: tuple[ca.Function, ca.Function]
+    solve: ca.Function
+    attempt: ca.Function
+    solve_rows: ca.Function
+    seeds: tuple[Seeds, Seeds]
     kind: Literal["c", "vm"]
     note: str = ""
 
 
-def load_kernel(robot: Robot, preset: Preset, compiled: bool = True, folder: Path | None = None) -> Kernel:
-    """Build the kernel of a robot and a preset.
+def load_kernel(robot: Robot, compiled: bool = True, folder: Path | None = None) -> Kernel:
+    """Build the kernel of a robot.
 
     Args:
         robot: The robot.
-        preset: The cost.
         compiled: Whether to use generated C where possible.
         folder: Cache folder of compiled kernels; None for the per-user one.
 
     Returns:
         The kernel; never fails for want of a compiler.
     """
-    left, right = robot.arms
-    machine = (descent(left, preset, "left_descent"), descent(right, preset, "right_descent"))
+    machine, (left, right) = functions(robot), robot.arms
+    seeds = (Seeds(left), Seeds(right))
     if not compiled:
-        return Kernel(preset, machine, "vm")
+        return Kernel(*machine, seeds, "vm")
     try:
         with library(_source(machine), folder) as built:
-            generated = (
-                ca.external("left_descent", str(built.path)),
-                ca.external("right_descent", str(built.path)),
-            )
+            generated = Functions(*(ca.external(name, str(built.path)) for name in Functions._fields))
     except CompileError as error:
-        return Kernel(preset, machine, "vm", str(error))
+        return Kernel(*machine, seeds, "vm", str(error))
     except RuntimeError:  # CasADi, for a library that the dynamic loader refuses
-        return Kernel(preset, machine, "vm", "the compiled kernel cannot be loaded")
-    for arm, ours, theirs in zip(robot.arms, machine, generated, strict=True):
-        if not agree(arm, ours, theirs):
-            return Kernel(preset, machine, "vm", f"the compiled kernel of the {arm.side} arm computes something else")
-    return Kernel(preset, generated, "c", built.note)
+        return Kernel(*machine, seeds, "vm", "the compiled kernel cannot be loaded")
+    if not agree(robot, machine, generated):
+        return Kernel(*machine, seeds, "vm", "the compiled kernel computes something else than the virtual machine")
+    return Kernel(*generated, seeds, "c", built.note)
 
 
-def agree(arm: ArmChain, first: ca.Function, second: ca.Function) -> bool:
-    """Compare two descents of an arm on random problems.
+class Functions(NamedTuple):
+    """The functions of a kernel, by their names in generated C."""
+
+    solve: ca.Function
+    attempt: ca.Function
+    solve_rows: ca.Function
+
+
+def functions(robot: Robot) -> Functions:
+    """Build the functions of a kernel in the virtual machine."""
+    arms = [Arm.of(chain) for chain in robot.arms]
+    inputs = Inputs.of(robot, arms)
+    keep_clear = avoidance(robot, arms) if robot.collision.pairs else None
+    solve = dual_arm(robot, arms, inputs, keep_clear)
+    return Functions(solve, attempt(robot, arms, inputs, keep_clear), _rows(solve))
+
+
+def _rows(solve: ca.Function) -> ca.Function:
+    """`solve` mapped over columns."""
+    inputs = [ca.MX.sym(name, solve.size1_in(name), ROWS) for name in solve.name_in()]
+    outputs = solve.map(ROWS)(*inputs)
+    return ca.Function("solve_rows", inputs, list(outputs))
+
+
+def agree(robot: Robot, first: Functions, second: Functions) -> bool:
+    """Compare two forms of a kernel on random problems.
 
     Targets are wrist poses of postures up to `OUTSIDE` beyond the limits, which draws joints onto the limits; starts
     are near those postures.
 
     Args:
-        arm: The arm.
-        first: A descent.
-        second: Another.
+        robot: The robot.
+        first: One form.
+        second: The other.
 
     Returns:
         Whether both give the same answers, and the second keeps the limits to the last bit.
     """
     rng = np.random.default_rng(0)
-    n = len(arm.joint_names)
-    for _ in range(AGREEMENT_PROBLEMS):
-        q = rng.uniform(arm.lower - OUTSIDE, arm.upper + OUTSIDE)
-        target = arm.wrist(q)
-        start = q + rng.normal(0.0, 0.05, n)
-        q_first, report_first, tau_first = (np.array(out).ravel() for out in first(start, target, start, 0.0))
-        q_second, report_second, tau_second = (np.array(out).ravel() for out in second(start, target, start, 0.0))
-        inside = (arm.lower <= q_second).all() and (q_second <= arm.upper).all()
-        pairs = ((q_first, q_second), (report_first[:4], report_second[:4]), (tau_first, tau_second))
-        # Written so that NaN, which is close to nothing, fails.
-        if not (inside and all(np.abs(a - b).max() <= AGREEMENT for a, b in pairs)):
-            return False
+    layout, nq = Layout.of(robot), robot.nq
+    for k in range(AGREEMENT_PROBLEMS):
+        problem = Problem(layout, Preset("agreement", 50.0, 1.0, 0.02, 0.1))
+        q = rng.uniform(robot.lower - OUTSIDE, robot.upper + OUTSIDE)
+        start = q + rng.normal(0.0, 0.05, nq)
+        problem.pose(start, *robot.fk(q))
+        problem.collision = REPORT_ONLY if k % 2 else OFF
+        vectors = (problem.request, problem.options)
+        for mine, theirs, arguments in (
+            (first.solve, second.solve, vectors),
+            (first.attempt, second.attempt, (start, np.ones(2), *vectors)),
+        ):
+            answer, report = (np.array(out).ravel() for out in mine(*arguments))
+            again, report_again = (np.array(out).ravel() for out in theirs(*arguments))
+            q_again = again[:nq]
+            inside = (robot.lower <= q_again).all() and (q_again <= robot.upper).all()
+            same_report = np.isclose(report[_COMPARED], report_again[_COMPARED], rtol=0.0, atol=AGREEMENT).all()
+            # Written so that NaN, which is close to nothing, fails.
+            if not (inside and np.abs(answer - again).max() <= AGREEMENT and same_report):
+                return False
     return True
 
 
-def _source(functions: tuple[ca.Function, ca.Function]) -> str:
+def _source(machine: Functions) -> str:
     generator = ca.CodeGenerator("kernel")
-    for function in functions:
+    for function in machine:
         generator.add(function)
     return generator.dump()

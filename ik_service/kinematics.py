@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from ik_service.robot import ArmChain
+from ik_service.chains import ArmChain, WaistChain
 
 NOISE = 1e-12
 """Entries of a placement this close to an integer are that integer [m or 1]."""
@@ -73,7 +73,27 @@ def wrist_pose(chain: ArmChain, q: ca.SX) -> WristPose:
     return WristPose(p, R, quaternion, axes, levers, origins, rotations)
 
 
-def gravity_torque(chain: ArmChain, q: ca.SX) -> ca.SX:
+def waist_motion(waist: WaistChain, angles: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """How far the waist carries the shoulders: the symbolic form of `WaistChain.motion`.
+
+    Args:
+        waist: The waist.
+        angles: Its joint positions [rad], shape (n,).
+
+    Returns:
+        Rotation, shape (3, 3), and translation [m], shape (3,).
+    """
+    p, R, straight = ca.SX.zeros(3), ca.SX.eye(3), np.eye(4)
+    for i, (placement, axis) in enumerate(zip(waist.placements, waist.axes, strict=True)):
+        p, R, _ = _compose(p, R, ca.SX([1.0, 0.0, 0.0, 0.0]), placement)
+        outer = _constant(np.outer(axis, axis))
+        R = R @ (outer + ca.cos(angles[i]) * (ca.SX.eye(3) - outer) + ca.sin(angles[i]) * _constant(pin.skew(axis)))
+        straight = straight @ placement
+    back = np.linalg.inv(straight)
+    return R @ _constant(back[:3, :3]), p + R @ _constant(back[:3, 3])
+
+
+def gravity_torque(chain: ArmChain, q: ca.SX, gravity: ca.SX) -> ca.SX:
     """Joint torques that hold the arm still against gravity.
 
     Static equilibrium of what hangs behind each joint: tau_i = -a_i . sum_k m_k (c_k - o_i) x g over the bodies k from
@@ -83,11 +103,12 @@ def gravity_torque(chain: ArmChain, q: ca.SX) -> ca.SX:
     Args:
         chain: The arm.
         q: Symbolic joint positions [rad], shape (n,).
+        gravity: Acceleration of gravity in the frame the arm is mounted in [m/s^2], shape (3,).
 
     Returns:
         Torques [N m], shape (n,).
     """
-    pose, gravity = wrist_pose(chain, q), ca.SX(chain.gravity)
+    pose = wrist_pose(chain, q)
     mass, first_moment, torques = 0.0, ca.SX.zeros(3), []
     for i in reversed(range(len(chain.masses))):
         center = pose.origins[i] + pose.rotations[i] @ _constant(chain.centers[i])

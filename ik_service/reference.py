@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from ik_service.kinematics import wrist_pose
-from ik_service.objective import Preset
+from ik_service.preset import Preset
 from ik_service.robot import Robot
 
 SEED_OPTIONS: Mapping[str, Any] = {"max_iter": 50, "tol": 1e-6, "print_level": 0}

@@ -1,4 +1,4 @@
-"""The robot as the solver sees it: two serial arms on a base, every other joint locked at zero.
+"""The robot as the solver sees it: two serial arms, a waist that carries both, every other joint locked at zero.
 
 Pinocchio reads the model file (URDF or MJCF) and stays the authority: forward kinematics and gravity torques come
 from it, and the symbolic kinematics of the solver are built from the placements it reports. Vectors of joint values
@@ -6,101 +6,18 @@ are in the order of the wire: left arm then right arm, as the description lists 
 """
 
 import hashlib
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from ik_proto.robots import ArmDescription, RobotDescription, RobotError
-
-_REACH_STARTS, _REACH_SWEEPS = 4, 5
-"""Starts and sweeps of the climb to the farthest posture; on the G1 every start ends within 0.1 mm of the
-farthest."""
-
-
-@dataclass(frozen=True)
-class ArmChain:
-    """One arm: revolute joints in series from the base to a wrist frame.
-
-    Attributes:
-        side: "left" or "right".
-        joint_names: Joints from shoulder to wrist, n of them.
-        placements: Pose of each joint at zero angle in the frame of the one before it, the first in the base frame; n
-            arrays of shape (4, 4).
-        axes: Unit rotation axis of each joint in its own frame, n arrays of shape (3,).
-        T_last_wrist: Wrist frame in the last joint's frame, shape (4, 4).
-        lower: Lower joint limits [rad], shape (n,).
-        upper: Upper joint limits [rad], shape (n,).
-        masses: Mass of the body each joint moves, with all that is fixed to it, n of them [kg].
-        centers: Centre of mass of that body in its joint's frame [m], n arrays of shape (3,).
-        gravity: Acceleration of gravity in the base frame [m/s^2], shape (3,).
-    """
-
-    side: str
-    joint_names: tuple[str, ...]
-    placements: tuple[np.ndarray, ...]
-    axes: tuple[np.ndarray, ...]
-    T_last_wrist: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    masses: tuple[float, ...]
-    centers: tuple[np.ndarray, ...]
-    gravity: np.ndarray
-
-    @property
-    def shoulder(self) -> np.ndarray:
-        """Origin of the first joint in the base frame [m], shape (3,)."""
-        return self.placements[0][:3, 3]
-
-    def wrist(self, q: np.ndarray) -> np.ndarray:
-        """Forward kinematics of this arm alone.
-
-        Args:
-            q: Joint positions [rad], shape (n,).
-
-        Returns:
-            `T_base_wrist`, shape (4, 4).
-        """
-        T = np.eye(4)
-        for placement, axis, angle in zip(self.placements, self.axes, q, strict=True):
-            T = T @ placement
-            T[:3, :3] = T[:3, :3] @ pin.exp3(angle * axis)
-        return T @ self.T_last_wrist
-
-    @cached_property
-    def reach(self) -> float:
-        """Largest distance from the shoulder to the wrist frame [m].
-
-        In one joint alone the squared distance is a + b cos q + c sin q, whose largest value within the limits is known
-        exactly. Setting joint after joint to its best climbs to a maximum within a few sweeps; the highest from a
-        handful of fixed starts is taken.
-        """
-        starts = np.random.default_rng(0).uniform(self.lower, self.upper, (_REACH_STARTS, len(self.lower)))
-        return max(self._stretch(q) for q in starts)
-
-    def _stretch(self, q: np.ndarray) -> float:
-        """Climb from a posture to a locally farthest one, in place; return its distance [m]."""
-        for _ in range(_REACH_SWEEPS):
-            for i in range(len(q)):
-                ahead, aside, behind = (self._distance(q, i, angle) ** 2 for angle in (0.0, np.pi / 2.0, np.pi))
-                peak = np.arctan2(aside - (ahead + behind) / 2.0, (ahead - behind) / 2.0)
-                turns = peak + np.array([-2.0, 0.0, 2.0]) * np.pi
-                inside = turns[(self.lower[i] < turns) & (turns < self.upper[i])]
-                candidates = np.array([*inside, self.lower[i], self.upper[i]])
-                q[i] = candidates[np.argmax([self._distance(q, i, angle) for angle in candidates])]
-        return float(np.linalg.norm(self.wrist(q)[:3, 3] - self.shoulder))
-
-    def _distance(self, q: np.ndarray, joint: int, angle: float) -> float:
-        """Distance from shoulder to wrist [m] with one joint set to an angle [rad]."""
-        changed = q.copy()
-        changed[joint] = angle
-        return float(np.linalg.norm(self.wrist(changed)[:3, 3] - self.shoulder))
+from ik_service.chains import ArmChain, WaistChain
+from ik_service.collision import CollisionModel
 
 
 class Robot:
-    """Two arms and the rigid-body model they belong to.
+    """Two arms, their waist, and the rigid-body model they belong to.
 
     Not thread-safe: `fk` and `gravity_torque` share one Pinocchio workspace. `copy` gives another thread its own.
 
@@ -108,6 +25,8 @@ class Robot:
         name: The robot's name.
         base: The body in whose frame wrist poses are given.
         arms: Left, then right.
+        waist: The waist, as measured waist joints bend it.
+        collision: Capsules and the pairs checked against each other.
         joint_names: Names in the order of q.
         lower: Lower joint limits [rad], shape (nq,).
         upper: Upper joint limits [rad], shape (nq,).
@@ -119,16 +38,19 @@ class Robot:
         name: str,
         base: str,
         arms: tuple[ArmChain, ArmChain],
+        waist: WaistChain,
+        collision: CollisionModel,
         model: pin.Model,
         base_frame: int,
         wrist_frames: tuple[int, int],
-        order: np.ndarray,
         model_hash: str,
     ) -> None:
-        """Keep the parts `load` has checked; `order[i]` is the place of wire joint i in the model's vectors."""
+        """Keep the parts `load` has checked."""
         self.name = name
         self.base = base
         self.arms = arms
+        self.waist = waist
+        self.collision = collision
         self.joint_names = arms[0].joint_names + arms[1].joint_names
         self.lower = np.concatenate([arm.lower for arm in arms])
         self.upper = np.concatenate([arm.upper for arm in arms])
@@ -137,8 +59,8 @@ class Robot:
         self._data = model.createData()
         self._base_frame = base_frame
         self._wrist_frames = wrist_frames
-        self._order = order
-        self._in_wire_order = bool((order == np.arange(len(order))).all())
+        self._arm_order = _places(model, self.joint_names)
+        self._waist_order = _places(model, waist.joint_names)
 
     @classmethod
     def load(cls, description: RobotDescription) -> "Robot":
@@ -148,21 +70,22 @@ class Robot:
             description: A parsed description; its model file is URDF or MJCF.
 
         Returns:
-            The robot, all joints outside the arms locked at zero.
+            The robot, all joints outside arms and waist locked at zero.
 
         Raises:
             RobotError: The file cannot be read as a robot, a joint or frame is missing, a joint is not revolute or
-                has no limits, or an arm's joints are not one chain.
+                has no limits, joints of an arm or of the waist are not one chain, or a capsule has no place.
         """
         full = _read_model(description.model)
-        names = description.arm_joints
+        names = description.arm_joints + description.waist
         _check_joints(description, full)
         locked = [full.getJointId(name) for name in list(full.names)[1:] if name not in names]
         model = pin.buildReducedModel(full, locked, pin.neutral(full))
         base_frame = model.getFrameId(description.base)
         if model.frames[base_frame].parentJoint != 0:
-            raise RobotError(description.source, f"base {description.base} moves with the arms")
-        T_world_base = model.frames[base_frame].placement
+            raise RobotError(description.source, f"base {description.base} moves with the arms or the waist")
+        T_world_base = model.frames[base_frame].placement.copy()  # adding frames moves them in memory
+        waist = _waist(description, model, T_world_base)
         left, right = description.arms
         wrists = (_add_wrist(model, left), _add_wrist(model, right))
         return cls(
@@ -172,10 +95,11 @@ class Robot:
                 _chain(description, model, left, T_world_base),
                 _chain(description, model, right, T_world_base),
             ),
+            waist=waist,
+            collision=CollisionModel.of(description, model),
             model=model,
             base_frame=base_frame,
             wrist_frames=wrists,
-            order=np.array([model.joints[model.getJointId(name)].idx_q for name in names]),
             model_hash=_hash(description.model, description.source),
         )
 
@@ -190,29 +114,31 @@ class Robot:
             self.name,
             self.base,
             self.arms,
+            self.waist,
+            self.collision,
             self._model,
             self._base_frame,
             self._wrist_frames,
-            self._order,
             self.model_hash,
         )
 
-    def fk(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def fk(self, q: np.ndarray, waist: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Forward kinematics of both wrists.
 
         Args:
             q: Joint positions [rad], shape (nq,).
+            waist: Waist joint positions [rad]; None for a straight waist.
 
         Returns:
             `T_base_wrist` of the left and of the right arm, each of shape (4, 4).
         """
-        pin.framesForwardKinematics(self._model, self._data, self._to_model(q))
+        pin.framesForwardKinematics(self._model, self._data, self._to_model(q, waist))
         T_base_world = self._data.oMf[self._base_frame].inverse()
         left, right = (T_base_world * self._data.oMf[frame] for frame in self._wrist_frames)
         return left.homogeneous, right.homogeneous
 
     def wrist_errors(
-        self, q: np.ndarray, left_wrist: np.ndarray, right_wrist: np.ndarray
+        self, q: np.ndarray, left_wrist: np.ndarray, right_wrist: np.ndarray, waist: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """How far the wrists are from their targets.
 
@@ -220,33 +146,38 @@ class Robot:
             q: Joint positions [rad], shape (nq,).
             left_wrist: Target `T_base_wrist` of the left arm, shape (4, 4).
             right_wrist: Target of the right arm, likewise.
+            waist: Waist joint positions [rad]; None for a straight waist.
 
         Returns:
             Distance of each wrist from its target [m] and angle between them [rad], each of shape (2,).
         """
-        pairs = list(zip(self.fk(q), (left_wrist, right_wrist), strict=True))
+        pairs = list(zip(self.fk(q, waist), (left_wrist, right_wrist), strict=True))
         distances = [np.linalg.norm(wrist[:3, 3] - target[:3, 3]) for wrist, target in pairs]
         angles = [np.linalg.norm(pin.log3(wrist[:3, :3] @ target[:3, :3].T)) for wrist, target in pairs]
         return np.array(distances), np.array(angles)
 
-    def gravity_torque(self, q: np.ndarray) -> np.ndarray:
+    def gravity_torque(self, q: np.ndarray, waist: np.ndarray | None = None) -> np.ndarray:
         """Joint torques that hold the arms still against gravity: the recursive Newton-Euler algorithm at v = a = 0.
 
         Args:
             q: Joint positions [rad], shape (nq,).
+            waist: Waist joint positions [rad]; None for a straight waist.
 
         Returns:
             Torques [N m], shape (nq,), a fresh array.
         """
-        torque = pin.computeGeneralizedGravity(self._model, self._data, self._to_model(q))
-        return torque if self._in_wire_order else torque[self._order]
+        return pin.computeGeneralizedGravity(self._model, self._data, self._to_model(q, waist))[self._arm_order]
 
-    def _to_model(self, q: np.ndarray) -> np.ndarray:
-        if self._in_wire_order:
-            return q
-        ordered = np.empty(len(q))
-        ordered[self._order] = q
+    def _to_model(self, q: np.ndarray, waist: np.ndarray | None) -> np.ndarray:
+        ordered = np.zeros(self._model.nq)
+        ordered[self._arm_order] = q
+        if waist is not None:
+            ordered[self._waist_order] = waist
         return ordered
+
+
+def _places(model: pin.Model, names: tuple[str, ...]) -> np.ndarray:
+    return np.array([model.joints[model.getJointId(name)].idx_q for name in names], dtype=int)
 
 
 def _read_model(path: Path) -> pin.Model:
@@ -266,7 +197,7 @@ def _read_model(path: Path) -> pin.Model:
 def _check_joints(description: RobotDescription, model: pin.Model) -> None:
     if not model.existFrame(description.base):
         raise RobotError(description.source, f"base {description.base} is not a body of {description.model.name}")
-    for name in description.arm_joints:
+    for name in description.arm_joints + description.waist:
         if not model.existJointName(name):
             raise RobotError(description.source, f"joint {name} is not in {description.model.name}")
         joint = model.joints[model.getJointId(name)]
@@ -289,34 +220,56 @@ def _add_wrist(model: pin.Model, arm: ArmDescription) -> int:
     return model.addFrame(pin.Frame(f"wrist:{arm.wrist.name}", joint, placement, pin.FrameType.OP_FRAME))
 
 
+def _waist(description: RobotDescription, model: pin.Model, T_world_base: pin.SE3) -> WaistChain:
+    indices = _series(description, model, description.waist, 0)
+    placements = [model.jointPlacements[index] for index in indices]
+    if indices:
+        placements[0] = T_world_base.inverse() * placements[0]
+    return WaistChain(
+        joint_names=description.waist,
+        placements=tuple(placement.homogeneous for placement in placements),
+        axes=tuple(_axis(model.joints[index]) for index in indices),
+    )
+
+
 def _chain(description: RobotDescription, model: pin.Model, arm: ArmDescription, T_world_base: pin.SE3) -> ArmChain:
-    parent, placements, axes, rows, inertias = 0, [], [], [], []
-    for name in arm.joints:
-        index = model.getJointId(name)
-        if model.parents[index] != parent:
-            raise RobotError(
-                description.source,
-                f"joint {name} does not follow {model.names[parent] if parent else description.base} in the model",
-            )
-        placement = model.jointPlacements[index]
-        placements.append((placement if parent else T_world_base.inverse() * placement).homogeneous)
-        axes.append(_axis(model.joints[index]))
-        rows.append(model.joints[index].idx_q)
-        inertias.append(model.inertias[index])
-        parent = index
+    mount = model.getJointId(description.waist[-1]) if description.waist else 0
+    indices = _series(description, model, arm.joints, mount)
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    placements = [model.jointPlacements[index] for index in indices]
+    placements[0] = T_world_base.inverse() * data.oMi[mount] * placements[0]
+    inertias = [model.inertias[index] for index in indices]
+    rows = [model.joints[index].idx_q for index in indices]
     rotation = pin.rpy.rpyToMatrix(*arm.wrist.rpy)
     return ArmChain(
         side=arm.side,
         joint_names=arm.joints,
-        placements=tuple(placements),
-        axes=tuple(axes),
+        placements=tuple(placement.homogeneous for placement in placements),
+        axes=tuple(_axis(model.joints[index]) for index in indices),
         T_last_wrist=pin.SE3(rotation, np.array(arm.wrist.xyz)).homogeneous,
         lower=model.lowerPositionLimit[rows],
         upper=model.upperPositionLimit[rows],
         masses=tuple(inertia.mass for inertia in inertias),
         centers=tuple(inertia.lever.copy() for inertia in inertias),
         gravity=T_world_base.rotation.T @ model.gravity.linear,
+        elbow=None if arm.elbow is None else arm.joints.index(arm.elbow),
     )
+
+
+def _series(description: RobotDescription, model: pin.Model, names: tuple[str, ...], parent: int) -> list[int]:
+    """Indices of joints that follow each other, the first of them a joint."""
+    indices = []
+    for name in names:
+        index = model.getJointId(name)
+        if model.parents[index] != parent:
+            raise RobotError(
+                description.source,
+                f"joint {name} does not follow {model.names[parent] if parent else description.base} in the model",
+            )
+        indices.append(index)
+        parent = index
+    return indices
 
 
 def _axis(joint: pin.JointModel) -> np.ndarray:

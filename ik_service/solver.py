@@ -1,63 +1,34 @@
 """Inverse kinematics of both arms: one pure function of the request.
 
-Each arm is solved on its own by its kernel, starting from the request's q. When the target was a jump and the descent
-ended in a place that does not reach it, a fixed set of other starts is tried and the lowest cost kept. A steady
-stream of targets never triggers that, in reach or out of it, so a tracked path is not torn.
+In mode `track` the kernel does it all: it starts from the request's q and stays near it. In mode `reach`, `multistart`
+tries start after start. Presets that are an optimum for its own sake (`openwbt`) get a few further starts after a jump
+that ended off target; a steady stream of targets never triggers that, in reach or out of it, so a tracked path is not
+torn.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, cast
+from typing import Literal
 
-import casadi as ca
 import numpy as np
 
 from ik_proto import Status
-from ik_service.descent import REPORT, TOLERANCE
-from ik_service.kernel import Kernel
-from ik_service.objective import Preset
-from ik_service.robot import ArmChain, Robot
+from ik_proto.limits import DEFAULT_STARTS
+from ik_service.batch import Batch
+from ik_service.kernel import ROWS, Kernel
+from ik_service.layout import REPORT, Layout
+from ik_service.multistart import MultiStart, Start
+from ik_service.preset import Preset
+from ik_service.problem import COLLISION, Collision, Problem, bind
+from ik_service.robot import Robot
+from ik_service.solution import BatchSolution, Solution
 
-MAX_CALLS = 4
-"""Calls of the kernel for one descent, each worth `descent.ITERATIONS`; hardly any descent needs a second."""
-
-EXTRA_STARTS = 8
-"""Other starts tried after a jump. On random cold targets 8 leave one in a hundred worse than Ipopt from the
-request's q; 3 leave three."""
+Mode = Literal["track", "reach"]
 
 JUMP = 0.5
 """Displacement of an arm by a descent, Euclidean norm over its joints, that counts as a jump [rad]: 25 rad/s at 50 Hz,
 more than any arm motion has."""
 
-IMPROVEMENT = 1e-3
-"""Relative decrease of the cost that is worth leaving the nearest solution for."""
-
-_POSITION_ERROR, _ROTATION_ERROR, _DAMPING = map(REPORT.index, ("position_error", "rotation_error", "damping"))
-
-
-@dataclass(slots=True)
-class Solution:
-    """Answer to one request.
-
-    Errors and objective are those of the returned q.
-
-    Attributes:
-        q: Joint positions [rad], shape (nq,): within the limits, or the request's own q when not converged.
-        status: OK, UNREACHABLE or NOT_CONVERGED.
-        position_error: Distance of each wrist from its target [m], shape (2,).
-        rotation_error: Angle between each wrist and its target [rad], shape (2,).
-        tau: Gravity torques at q [N m], shape (nq,).
-        objective: Cost of both arms together.
-        iterations: Newton iterations spent, both arms and all starts together.
-    """
-
-    q: np.ndarray
-    status: Status
-    position_error: np.ndarray
-    rotation_error: np.ndarray
-    tau: np.ndarray
-    objective: float
-    iterations: int
+_CLEARANCE, _NEAREST = REPORT.index("clearance"), REPORT.index("nearest")
+_OK = Status.OK  # looking a member up in its class costs a tenth of a microsecond
 
 
 class Solver:
@@ -66,172 +37,210 @@ class Solver:
     Cheap to make from a shared kernel; owns its buffers, so each thread needs its own.
     """
 
-    def __init__(self, robot: Robot, kernel: Kernel) -> None:
+    def __init__(self, robot: Robot, kernel: Kernel, preset: Preset) -> None:
         """Bind the kernel to buffers.
 
         Args:
             robot: The robot; the solver keeps its own copy of the workspace.
             kernel: A kernel loaded for this robot.
+            preset: The cost to minimise.
         """
-        self.preset = kernel.preset
+        self.preset = preset
         self.kernel = kernel
         self._robot = robot.copy()
-        self._request, self._answer, self._torques = (np.zeros(robot.nq) for _ in range(3))
-        self._reports = np.zeros((2, len(REPORT)))
-        split = len(robot.arms[0].joint_names)
-        self._left, self._right = (
-            _Arm(chain, descent, self._request[part], (self._answer[part], report, self._torques[part]), self.preset)
-            for chain, descent, part, report in zip(
-                robot.arms, kernel.descents, (slice(split), slice(split, None)), self._reports, strict=True
-            )
+        layout = Layout.of(robot)
+        self._problem = Problem(layout, preset)
+        self._output = np.zeros(layout.answer + len(REPORT))
+        # Slices made once: making one takes as long as using it.
+        self._q, self._tau = slice(0, robot.nq), slice(robot.nq, layout.answer)
+        self._report = slice(layout.answer, None)
+        self._position, self._rotation = (
+            slice(layout.answer + REPORT.index(key), layout.answer + REPORT.index(key) + 2)
+            for key in ("position_left", "rotation_left")
         )
+        self._reached = preset.tolerance(None).tolist()
+        vectors = (self._problem.request, self._problem.options)
+        outputs = (self._output[: layout.answer], self._output[layout.answer :])
+        self._call, self._kept_alive = bind(kernel.solve, vectors, outputs)
+        self._hinted, self._collision = False, "off"
+        self._multistart = MultiStart(self._robot, kernel, preset)
+        self._batch = Batch(self._robot, kernel, preset)
+        names = [capsule.name for capsule in robot.collision.capsules]
+        self._pairs = [(names[i], names[j]) for i, j in robot.collision.pairs]
 
-    def solve(self, left_wrist: np.ndarray, right_wrist: np.ndarray, q: np.ndarray) -> Solution:
+    def solve(
+        self,
+        left_wrist: np.ndarray,
+        right_wrist: np.ndarray,
+        q: np.ndarray,
+        *,
+        mode: Mode = "track",
+        collision: Collision = "avoid",
+        waist: np.ndarray | None = None,
+        left_elbow: np.ndarray | None = None,
+        right_elbow: np.ndarray | None = None,
+        weights: np.ndarray | None = None,
+        starts: int = DEFAULT_STARTS,
+    ) -> Solution:
         """Solve both arms.
 
         Args:
             left_wrist: Target `T_base_wrist` of the left arm, shape (4, 4), a rigid transform.
             right_wrist: Target of the right arm, likewise.
             q: Joint positions to start from and stay close to [rad], shape (nq,), finite.
+            mode: "track" stays near q; "reach" tries up to `starts` starts until one reaches and is clear.
+            collision: "off" checks nothing, "report" measures the answer, "avoid" keeps it clear.
+            waist: Waist joint positions [rad]; None for a straight waist.
+            left_elbow: Unit direction from shoulder to elbow in the base frame, and a confidence in [0, 1], shape (4,).
+            right_elbow: The same of the right arm.
+            weights: Confidence in position and orientation of each wrist target, in [0, 1], shape (2, 2).
+            starts: Starts that mode "reach" may try.
 
         Returns:
             The answer; its arrays are the caller's.
         """
-        self._request[:] = q
-        left, right = self._left.solve(left_wrist), self._right.solve(right_wrist)
-        if not (left and right):
-            return self._not_converged(left_wrist, right_wrist, q)
-        return Solution(
-            self._answer.copy(),
-            Status.OK if self._left.reached and self._right.reached else Status.UNREACHABLE,
-            self._reports[:, _POSITION_ERROR].copy(),
-            self._reports[:, _ROTATION_ERROR].copy(),
-            self._torques.copy(),
-            self._left.cost + self._right.cost,
-            self._left.iterations + self._right.iterations,
-        )
+        problem = self._problem
+        if not (waist is None and left_elbow is None and right_elbow is None and weights is None):
+            problem.hint(waist, left_elbow, right_elbow, weights)
+            self._reached = self.preset.tolerance(weights).tolist()
+            self._hinted = True
+        elif self._hinted:
+            problem.hint(None, None, None, None)
+            self._reached = self.preset.tolerance(None).tolist()
+            self._hinted = False
+        # Written out rather than called: this runs a hundred thousand times a second.
+        problem.q[:], problem.left[:], problem.right[:] = q, left_wrist, right_wrist
+        if collision is not self._collision:
+            problem.collision = COLLISION[collision]
+            self._collision = collision
+        if mode == "reach":
+            best, tried, iterations = self._multistart.reach(problem, starts)
+            if best is not None:
+                return self._solution(best.output, best.index, tried, iterations, best_effort=True)
+            # Nothing that is clear was found; what track finds is.
+            self._call()
+            solution = self._solution(self._output.copy(), 0, 1, 0)
+            solution.starts, solution.iterations = tried, solution.iterations + iterations
+            return solution
+        self._call()
+        solution = self._solution(self._output.copy(), 0, 1, 0)
+        if self.preset.restarts and collision != "avoid" and self._off_target_after_a_jump(solution, q):
+            return self._restarted(solution)
+        return solution
 
-    def _not_converged(self, left_wrist: np.ndarray, right_wrist: np.ndarray, q: np.ndarray) -> Solution:
-        """Echo the request's q, with the truth about it."""
-        position_error, rotation_error = self._robot.wrist_errors(q, left_wrist, right_wrist)
-        objective = (
-            self.preset.position * (position_error**2).sum()
-            + self.preset.rotation * (rotation_error**2).sum()
-            + self.preset.regularization * (q**2).sum()
-        )
-        return Solution(
-            q.copy(),
-            Status.NOT_CONVERGED,
-            position_error,
-            rotation_error,
-            self._robot.gravity_torque(q),
-            float(objective),
-            self._left.iterations + self._right.iterations,
-        )
-
-
-class _Arm:
-    """One arm's descent bound to buffers.
-
-    Attributes:
-        cost: Cost of the answer.
-        reached: Whether the answer's errors are within the preset's thresholds.
-        iterations: Newton iterations spent on the answer.
-    """
-
-    def __init__(
+    def solve_batch(
         self,
-        chain: ArmChain,
-        descent: ca.Function,
-        request: np.ndarray,
-        results: tuple[np.ndarray, np.ndarray, np.ndarray],
-        preset: Preset,
-    ) -> None:
-        """Bind; `request` is read, `results` (answer, report, torques) are written by every solve."""
-        self.cost, self.reached, self.iterations = 0.0, False, 0
-        self._kept_alive: list[Any] = []
-        self._request, self._results = request, results
-        self._answer, self._report, _ = results
-        self._max_position_error = preset.unreachable_position
-        self._max_rotation_error = preset.unreachable_rotation
-        self._extra_starts = _spread(chain, EXTRA_STARTS)
-        target = np.zeros(16)
-        self._target = target.reshape(4, 4).T  # CasADi stores matrices by columns
-        self._start, self._damping = np.zeros(len(request)), np.zeros(1)
-        # The usual call starts at the request's q, undamped, and copies neither.
-        self._descend = self._bind(descent, (request, target, request, np.zeros(1)), results)
-        self._descend_from = self._bind(descent, (self._start, target, request, self._damping), results)
+        left_wrist: np.ndarray,
+        right_wrist: np.ndarray,
+        q: np.ndarray,
+        *,
+        mode: Mode = "track",
+        collision: Collision = "avoid",
+        waist: np.ndarray | None = None,
+        left_elbow: np.ndarray | None = None,
+        right_elbow: np.ndarray | None = None,
+        weights: np.ndarray | None = None,
+        starts: int = DEFAULT_STARTS,
+    ) -> BatchSolution:
+        """Solve many problems; each row's answer is what `solve` gives for it, to the last bit.
 
-    def _bind(
-        self, descent: ca.Function, arguments: tuple[np.ndarray, ...], results: tuple[np.ndarray, ...]
-    ) -> Callable[[], None]:
-        """Tie a descent to arrays, which the returned call reads and writes in place."""
-        buffer: Any  # the stubs of set_arg and set_res ask for a size that a memoryview brings along
-        call: Callable[[], None]
-        buffer, call = cast(Any, descent).buffer()
-        for i, argument in enumerate(arguments):
-            buffer.set_arg(i, argument.data)
-        for i, result in enumerate(results):
-            buffer.set_res(i, result.data)
-        self._kept_alive.append((buffer, arguments, results))  # CasADi holds bare pointers to them
-        return call
+        Rows that one call of the kernel solves are solved side by side, in as many threads as there are cores; the
+        others (mode "reach", restarts, and what is left of a block) one after the other.
 
-    def solve(self, target: np.ndarray) -> bool:
-        """Solve; return whether the answer is a local minimum."""
-        self._target[:] = target
-        self.iterations = 0
-        self._descend()
-        converged = self._finish()
-        if converged and (self.reached or not self._jumped()):
-            return True
-        return self._try_others(converged)
+        Args:
+            left_wrist: Targets of the left arm, shape (N, 4, 4).
+            right_wrist: Targets of the right arm, shape (N, 4, 4).
+            q: Joint positions to start from [rad], shape (N, nq).
+            mode: As for `solve`, for all rows.
+            collision: As for `solve`, for all rows.
+            waist: Waist joint positions [rad], shape (N, n_waist).
+            left_elbow: Elbow hints, shape (N, 4).
+            right_elbow: Elbow hints, shape (N, 4).
+            weights: Confidences, shape (N, 2, 2).
+            starts: As for `solve`, for all rows.
 
-    def _jumped(self) -> bool:
-        displacement = self._answer - self._request
-        return displacement.dot(displacement) > JUMP * JUMP
+        Returns:
+            The answers.
+        """
+        hints = {"waist": waist, "left_elbow": left_elbow, "right_elbow": right_elbow, "weights": weights}
 
-    def _finish(self) -> bool:
-        """Resume a descent until it converges or may go on no longer, and read its report."""
-        for _ in range(MAX_CALLS - 1):
-            if self._read():
-                return True
-            self._start[:] = self._answer
-            self._damping[:] = self._report[_DAMPING]
-            self._descend_from()
-        return self._read()
+        def alone(k: int) -> Solution:
+            row = {key: None if rows is None else rows[k] for key, rows in hints.items()}
+            return self.solve(left_wrist[k], right_wrist[k], q[k], mode=mode, collision=collision, starts=starts, **row)
 
-    def _read(self) -> bool:
-        self.cost, gradient, position_error, rotation_error, iterations, _ = self._report.tolist()
-        self.reached = position_error <= self._max_position_error and rotation_error <= self._max_rotation_error
-        self.iterations += int(iterations)
-        return gradient <= TOLERANCE
+        # Blocks that the kernel takes whole are solved side by side, what is left over one by one.
+        side_by_side = len(q) - len(q) % ROWS if mode == "track" else 0
+        rest = [alone(k) for k in range(side_by_side, len(q))]
+        if not side_by_side:
+            return BatchSolution.of(rest)
+        first = {key: None if rows is None else rows[:side_by_side] for key, rows in hints.items()}
+        rows = (left_wrist[:side_by_side], right_wrist[:side_by_side], q[:side_by_side])
+        answers, special = self._batch.interpret(
+            self._batch.run(*rows, COLLISION[collision], **first), first["weights"]
+        )
+        if self.preset.restarts and collision != "avoid":
+            special = special | self._batch.off_target_after_a_jump(answers, rows[2], JUMP)
+        for k in np.flatnonzero(special):
+            answers.put(k, alone(k))
+        return answers.extended(rest)
 
-    def _try_others(self, converged: bool) -> bool:
-        best = (self.cost if converged else np.inf, self.reached, [result.copy() for result in self._results])
-        for start in self._extra_starts:
-            self._start[:], self._damping[:] = start, 0.0
-            self._descend_from()
-            if self._finish() and self.cost < (1.0 - IMPROVEMENT) * best[0]:
-                best = (self.cost, self.reached, [result.copy() for result in self._results])
-        self.cost, self.reached, kept = best
-        for result, value in zip(self._results, kept, strict=True):
-            result[:] = value
-        return self.cost < np.inf
+    def _solution(
+        self, output: np.ndarray, start: int, starts: int, others: int, best_effort: bool = False
+    ) -> Solution:
+        """Interpret what the kernel says; `others` are iterations of other starts.
 
+        A best effort need not have settled.
+        """
+        report = output[self._report].tolist()
+        cost_l, cost_r, e_l, e_r, w_l, w_r, settled_l, settled_r, iterations, clearance, place, diverted = report
+        limit_l, limit_r, angle_l, angle_r = self._reached
+        if e_l <= limit_l and e_r <= limit_r and w_l <= angle_l and w_r <= angle_r:
+            status = _OK
+        elif diverted:
+            status = Status.BLOCKED
+        elif best_effort or self.preset.retreat or (settled_l and settled_r):
+            status = Status.UNREACHABLE
+        else:
+            return self._not_converged(int(iterations) + others)
+        return Solution(
+            output[self._q],
+            status,
+            output[self._position],
+            output[self._rotation],
+            output[self._tau],
+            cost_l + cost_r,
+            int(iterations) + others,
+            clearance,
+            self._pairs[int(place)] if place >= 0.0 else None,
+            start,
+            starts,
+        )
 
-def _spread(chain: ArmChain, count: int) -> np.ndarray:
-    """Points spread evenly over the middle 80 % of the joint limits, shape (count, n): a Halton sequence."""
-    primes = [p for p in range(2, 8 * len(chain.joint_names)) if all(p % d for d in range(2, p))]
-    unit = np.array([[_radical_inverse(k, prime) for prime in primes] for k in range(1, count + 1)])
-    unit = unit[:, : len(chain.joint_names)]
-    return chain.lower + (0.1 + 0.8 * unit) * (chain.upper - chain.lower)
+    def _not_converged(self, iterations: int) -> Solution:
+        """Echo the request's q, with the truth about it."""
+        output = self._multistart.measure(self._problem).output
+        clearance, place = output[self._report][_CLEARANCE], int(output[self._report][_NEAREST])
+        return Solution(
+            output[self._q],
+            Status.NOT_CONVERGED,
+            output[self._position],
+            output[self._rotation],
+            output[self._tau],
+            float(output[self._report][:2].sum()),
+            iterations,
+            float(clearance),
+            self._pairs[place] if place >= 0 else None,
+        )
 
+    def _off_target_after_a_jump(self, solution: Solution, q: np.ndarray) -> bool:
+        if solution.status is Status.OK:
+            return False
+        split = len(self._robot.arms[0].joint_names)
+        displacement = solution.q - q
+        return any(part @ part > JUMP * JUMP for part in (displacement[:split], displacement[split:]))
 
-def _radical_inverse(k: int, base: int) -> float:
-    """Digits of k in a base, mirrored at the point (J. H. Halton, Numerische Mathematik 2, 1960)."""
-    value, digit = 0.0, 1.0 / base
-    while k:
-        value += digit * (k % base)
-        k //= base
-        digit /= base
-    return value
+    def _restarted(self, solution: Solution) -> Solution:
+        first = Start(self._output.copy(), 0)
+        best, tried, iterations = self._multistart.improve(self._problem, first, self.preset.restarts)
+        iterations += solution.iterations
+        return self._solution(best.output, best.index, tried, iterations)

@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from body_oracle import CapsuleOracle
 
 from ik_proto.robots import RobotDescription, load_description
 from ik_service.kernel import Kernel, load_kernel
-from ik_service.objective import Preset
+from ik_service.preset import Preset
 from ik_service.robot import Robot
 from ik_service.solver import Solver
 
@@ -28,26 +29,83 @@ def robot(description: RobotDescription) -> Robot:
 
 @pytest.fixture(scope="session")
 def preset(description: RobotDescription) -> Preset:
+    """The seeds' cost, which Ipopt solves as well."""
     return Preset.of(description, "openwbt")
 
 
 @pytest.fixture(scope="session")
-def vm_kernel(robot: Robot, preset: Preset) -> Kernel:
-    return load_kernel(robot, preset, compiled=False)
+def precise(description: RobotDescription) -> Preset:
+    return Preset.of(description, "precise")
 
 
 @pytest.fixture(scope="session")
-def c_kernel(robot: Robot, preset: Preset, tmp_path_factory: pytest.TempPathFactory) -> Kernel:
+def vm_kernel(robot: Robot) -> Kernel:
+    return load_kernel(robot, compiled=False)
+
+
+@pytest.fixture(scope="session")
+def kernel(robot: Robot, kernel_cache: Path) -> Kernel:
+    """The fastest kernel there is here: generated C, or the virtual machine without a compiler."""
+    return load_kernel(robot, folder=kernel_cache)
+
+
+@pytest.fixture(scope="session")
+def c_kernel(kernel: Kernel) -> Kernel:
     """The compiled kernel; tests that need it are skipped where there is no compiler."""
-    kernel = load_kernel(robot, preset, folder=tmp_path_factory.mktemp("cache") / "kernels")
     if kernel.kind != "c":
         pytest.skip(f"no compiled kernel here: {kernel.note}")
     return kernel
 
 
 @pytest.fixture
-def solver(robot: Robot, vm_kernel: Kernel) -> Solver:
-    return Solver(robot, vm_kernel)
+def solver(robot: Robot, kernel: Kernel, preset: Preset) -> Solver:
+    """Solves with preset `openwbt`."""
+    return Solver(robot, kernel, preset)
+
+
+@pytest.fixture
+def precise_solver(robot: Robot, kernel: Kernel, precise: Preset) -> Solver:
+    """Solves with preset `precise`."""
+    return Solver(robot, kernel, precise)
+
+
+@pytest.fixture(scope="session")
+def oracle(description: RobotDescription) -> CapsuleOracle:
+    """The G1's capsules, measured by coal."""
+    return CapsuleOracle(description)
+
+
+@pytest.fixture(scope="session")
+def home(description: RobotDescription, robot: Robot) -> np.ndarray:
+    """A posture with both arms clear of the body and far from every limit [rad], shape (nq,)."""
+    return np.array([description.joints[name].home for name in robot.joint_names])
+
+
+@pytest.fixture(scope="session")
+def front(robot: Robot, home: np.ndarray, oracle: CapsuleOracle) -> np.ndarray:
+    """Hands in front of the body, apart, elbows bent [rad], shape (nq,)."""
+    q = home.copy()
+    for i, name in enumerate(robot.joint_names):
+        side = 1.0 if name.startswith("left") else -1.0
+        q[i] += -0.6 * name.endswith("shoulder_pitch_joint") - 0.6 * name.endswith("elbow_joint")
+        q[i] += 0.2 * side * name.endswith("shoulder_roll_joint")
+    assert oracle.clearance(q) > 2.0 * robot.collision.margin
+    return q
+
+
+@pytest.fixture(scope="session")
+def clear_postures(robot: Robot, oracle: CapsuleOracle) -> Callable[[int, int], np.ndarray]:
+    """(seed, count) -> random postures that are clear by twice the margin [rad], shape (count, nq)."""
+
+    def draw(seed: int, count: int) -> np.ndarray:
+        rng, found = np.random.default_rng(seed), []
+        while len(found) < count:
+            q = rng.uniform(robot.lower, robot.upper)
+            if oracle.clearance(q) >= 2.0 * robot.collision.margin:
+                found.append(q)
+        return np.array(found)
+
+    return draw
 
 
 @pytest.fixture(scope="session")
@@ -90,34 +148,81 @@ regularization = 0.02
 smoothness = 0.1
 """
 
+ARMOUR_TOML = """
+[collision]
+margin = 0.02
+ignored = [
+    { pair = ["trunk", "a_1"], reason = "joined by the shoulder" },
+    { pair = ["trunk", "z_1"], reason = "joined by the shoulder" },
+]
+[[collision.capsules]]
+name = "trunk"
+body = "trunk"
+from = [0.0, 0.0, 0.0]
+to = [0.0, 0.0, 0.3]
+radius = 0.1
+"""
+
+CAPSULE_TOML = """
+[[collision.capsules]]
+name = "{name}"
+body = "{name}"
+from = [0.02, 0.0, 0.02]
+to = [0.17, 0.01, 0.06]
+radius = 0.04
+"""
+
 AXES = ("0 1 0", "1 0 0", "0.6 0 0.8", "0 1 0", "1 0 0", "0 0 -1")
+
+
+def write_robot(
+    folder: Path, replace_urdf: tuple[str, str] = ("", ""), replace_toml: tuple[str, str] = ("", "")
+) -> Path:
+    """Write a two-armed URDF and its TOML; return the TOML.
+
+    Left arm: z_0 to z_3. Right arm: a_0 to a_4, first in Pinocchio's model, which sorts by name. No waist, no elbow,
+    no capsules.
+    """
+    links = ['<link name="trunk"/>']
+    left, right = [f"z_{i}" for i in range(4)], [f"a_{i}" for i in range(5)]
+    for joints, y in ((left, 0.2), (right, -0.2)):
+        parent = "trunk"
+        for i, name in enumerate(joints):
+            xyz = "0.2 0 0.1" if i else f"0 {y} 0.3"
+            links.append(URDF_JOINT.format(name=name, type="revolute", parent=parent, xyz=xyz, axis=AXES[i]))
+            parent = f"{name}_link"
+    urdf = f'<robot name="made_up">{"".join(links)}</robot>'
+    arms = "".join(
+        ARM_TOML.format(side=side, joints=joints, last=joints[-1])
+        for side, joints in (("left", left), ("right", right))
+    )
+    toml = f'name = "made_up"\nmodel = "arms.urdf"\nbase = "trunk"\n{arms}{PRESET_TOML}'
+    (folder / "arms.urdf").write_text(urdf.replace(*replace_urdf) if replace_urdf[0] else urdf)
+    path = folder / "arms.toml"
+    path.write_text(toml.replace(*replace_toml) if replace_toml[0] else toml)
+    return path
 
 
 @pytest.fixture
 def make_robot(tmp_path: Path) -> Callable[..., Path]:
-    """Write a two-armed URDF and its TOML; return the TOML.
+    """`write_robot` in a folder of the test."""
+    return lambda *replacements, **named: write_robot(tmp_path, *replacements, **named)
 
-    Left arm: z_0 to z_3. Right arm: a_0 to a_4, first in Pinocchio's model, which sorts by name.
-    """
 
-    def write(replace_urdf: tuple[str, str] = ("", ""), replace_toml: tuple[str, str] = ("", "")) -> Path:
-        links = ['<link name="trunk"/>']
-        left, right = [f"z_{i}" for i in range(4)], [f"a_{i}" for i in range(5)]
-        for joints, y in ((left, 0.2), (right, -0.2)):
-            parent = "trunk"
-            for i, name in enumerate(joints):
-                xyz = "0.2 0 0.1" if i else f"0 {y} 0.3"
-                links.append(URDF_JOINT.format(name=name, type="revolute", parent=parent, xyz=xyz, axis=AXES[i]))
-                parent = f"{name}_link"
-        urdf = f'<robot name="made_up">{"".join(links)}</robot>'
-        arms = "".join(
-            ARM_TOML.format(side=side, joints=joints, last=joints[-1])
-            for side, joints in (("left", left), ("right", right))
-        )
-        toml = f'name = "made_up"\nmodel = "arms.urdf"\nbase = "trunk"\n{arms}{PRESET_TOML}'
-        (tmp_path / "arms.urdf").write_text(urdf.replace(*replace_urdf) if replace_urdf[0] else urdf)
-        path = tmp_path / "arms.toml"
-        path.write_text(toml.replace(*replace_toml) if replace_toml[0] else toml)
-        return path
+@pytest.fixture(scope="session")
+def small_robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    """The robot of `write_robot`: arms of 4 and 5 joints, no waist, no elbow, no capsules."""
+    return Robot.load(load_description(write_robot(tmp_path_factory.mktemp("small"))))
 
-    return write
+
+@pytest.fixture(scope="session")
+def small_kernel(small_robot: Robot) -> Kernel:
+    return load_kernel(small_robot, compiled=False)
+
+
+@pytest.fixture(scope="session")
+def armoured(tmp_path_factory: pytest.TempPathFactory) -> RobotDescription:
+    """The robot of `write_robot` with capsules: arms of unequal length that can meet the trunk and each other."""
+    capsules = ARMOUR_TOML + "".join(CAPSULE_TOML.format(name=name) for name in ("z_1", "z_3", "a_1", "a_4"))
+    path = write_robot(tmp_path_factory.mktemp("armoured"), replace_toml=(PRESET_TOML, PRESET_TOML + capsules))
+    return load_description(path)

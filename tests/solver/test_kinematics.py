@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ik_proto.robots import load_description
-from ik_service.kinematics import gravity_torque, quaternion_of, rotation_error, wrist_pose
-from ik_service.robot import ArmChain, Robot
+from ik_service.chains import ArmChain
+from ik_service.kinematics import gravity_torque, quaternion_of, rotation_error, waist_motion, wrist_pose
+from ik_service.robot import Robot
 
 unit_floats = st.floats(-1.0, 1.0)
 vectors = st.tuples(unit_floats, unit_floats, unit_floats).map(np.array).filter(lambda v: np.linalg.norm(v) > 0.1)
@@ -119,12 +120,38 @@ def test_gravity_torque_of_a_tilted_base(make_robot: Callable[..., Path]) -> Non
 
 def _compare_gravity_torques(robot: Robot) -> None:
     functions = [
-        (part, _function(lambda q, arm=arm: [gravity_torque(arm, q)], (len(arm.joint_names), 1)))
+        (part, arm.gravity, _function(lambda q, g, arm=arm: [gravity_torque(arm, q, g)], (arm.n, 1), (3, 1)))
         for _, arm, part in _arms_of(robot)
     ]
     rng = np.random.default_rng(5)
     for _ in range(200):
         q = rng.uniform(robot.lower, robot.upper)
         expected = robot.gravity_torque(q)
-        for part, function in functions:
-            assert np.allclose(function(q[part])[0].ravel(), expected[part], rtol=0.0, atol=1e-12)
+        for part, gravity, function in functions:
+            assert np.allclose(function(q[part], gravity)[0].ravel(), expected[part], rtol=0.0, atol=1e-12)
+
+
+def test_waist_motion_agrees_with_pinocchio(robot: Robot) -> None:
+    """Whatever the arms do, a bent waist carries the wrists along as one rigid body; gravity turns the other way."""
+    motion = _function(lambda w: list(waist_motion(robot.waist, w)), (3, 1))
+    torques = [_function(lambda q, g, arm=arm: [gravity_torque(arm, q, g)], (7, 1), (3, 1)) for arm in robot.arms]
+    rng = np.random.default_rng(6)
+    for _ in range(100):
+        q, waist = rng.uniform(robot.lower, robot.upper), rng.uniform(-1.5, 1.5, 3)
+        R, p = motion(waist)
+        T = np.block([[R, p.reshape(3, 1)], [np.zeros((1, 3)), np.ones((1, 1))]])
+        assert np.allclose(T, robot.waist.motion(waist), rtol=0.0, atol=1e-12)
+        for straight, bent in zip(robot.fk(q), robot.fk(q, waist), strict=True):
+            assert np.allclose(T @ straight, bent, rtol=0.0, atol=1e-12)
+        expected = robot.gravity_torque(q, waist)
+        for torque, part in zip(torques, (slice(0, 7), slice(7, 14)), strict=True):
+            found = torque(q[part], R.T @ robot.arms[0].gravity)[0].ravel()
+            assert np.allclose(found, expected[part], rtol=0.0, atol=1e-12)
+    assert np.allclose(motion(np.zeros(3))[0], np.eye(3), rtol=0.0, atol=1e-15)
+
+
+def test_without_a_waist_nothing_moves(make_robot: Callable[..., Path]) -> None:
+    robot = Robot.load(load_description(make_robot()))
+    R, p = _function(lambda w: list(waist_motion(robot.waist, w)), (0, 1))(np.zeros(0))
+    assert np.array_equal(R, np.eye(3))
+    assert np.array_equal(p.ravel(), np.zeros(3))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.workloads import cold, tracking
-from ik_service.objective import Preset
+from ik_service.preset import Preset
 from ik_service.reference import SEED_OPTIONS, Reference
 from ik_service.robot import Robot
 

@@ -19,10 +19,11 @@ def mujoco_model(description: RobotDescription) -> Any:
     return mujoco.MjModel.from_xml_path(str(description.model))
 
 
-def _mujoco_data(model: Any, robot: Robot, q: np.ndarray) -> tuple[Any, list[int]]:
+def _mujoco_data(model: Any, robot: Robot, q: np.ndarray, waist: np.ndarray) -> tuple[Any, list[int]]:
     data = mujoco.MjData(model)
     joints = [model.joint(name) for name in robot.joint_names]
     data.qpos[[joint.qposadr[0] for joint in joints]] = q
+    data.qpos[[model.joint(name).qposadr[0] for name in robot.waist.joint_names]] = waist
     mujoco.mj_forward(model, data)
     return data, [joint.dofadr[0] for joint in joints]
 
@@ -31,12 +32,21 @@ def _random_postures(robot: Robot, count: int) -> np.ndarray:
     return np.random.default_rng(7).uniform(robot.lower, robot.upper, (count, robot.nq))
 
 
-def test_fk_agrees_with_mujoco(robot: Robot, description: RobotDescription, mujoco_model: Any) -> None:
-    for q in _random_postures(robot, 200):
-        data, _ = _mujoco_data(mujoco_model, robot, q)
+def _random_waists(count: int) -> np.ndarray:
+    return np.random.default_rng(8).uniform([-2.5, -0.5, -0.5], [2.5, 0.5, 0.5], (count, 3))
+
+
+def test_waist_is_yaw_roll_pitch(robot: Robot) -> None:
+    assert robot.waist.joint_names == ("waist_yaw_joint", "waist_roll_joint", "waist_pitch_joint")
+
+
+@pytest.mark.parametrize("bent", [False, True])
+def test_fk_agrees_with_mujoco(robot: Robot, description: RobotDescription, mujoco_model: Any, bent: bool) -> None:
+    for q, waist in zip(_random_postures(robot, 100), _random_waists(100), strict=True):
+        data, _ = _mujoco_data(mujoco_model, robot, q, waist if bent else np.zeros(3))
         base = data.body(description.base)
         R_base = base.xmat.reshape(3, 3)
-        for T_base_wrist, arm in zip(robot.fk(q), description.arms, strict=True):
+        for T_base_wrist, arm in zip(robot.fk(q, waist if bent else None), description.arms, strict=True):
             body = data.body(mujoco_model.joint(arm.wrist.joint).bodyid[0])
             R_wrist = body.xmat.reshape(3, 3)
             position = body.xpos + R_wrist @ np.array(arm.wrist.xyz)
@@ -44,12 +54,33 @@ def test_fk_agrees_with_mujoco(robot: Robot, description: RobotDescription, mujo
             assert np.allclose(T_base_wrist[:3, :3], R_base.T @ R_wrist, atol=1e-9)
 
 
-def test_gravity_torque_agrees_with_mujoco(robot: Robot, mujoco_model: Any) -> None:
-    for q in _random_postures(robot, 100):
-        data, dofs = _mujoco_data(mujoco_model, robot, q)
-        torque = robot.gravity_torque(q)
+@pytest.mark.parametrize("bent", [False, True])
+def test_gravity_torque_agrees_with_mujoco(robot: Robot, mujoco_model: Any, bent: bool) -> None:
+    for q, waist in zip(_random_postures(robot, 100), _random_waists(100), strict=True):
+        data, dofs = _mujoco_data(mujoco_model, robot, q, waist if bent else np.zeros(3))
+        torque = robot.gravity_torque(q, waist if bent else None)
         assert np.allclose(torque, data.qfrc_bias[dofs], atol=1e-6)
         assert np.abs(torque).max() > 0.1
+
+
+def test_bending_the_waist_is_felt(robot: Robot) -> None:
+    """Negative control: the comparisons above can tell a bent waist from a straight one."""
+    for q, waist in zip(_random_postures(robot, 20), _random_waists(20), strict=True):
+        assert np.abs(robot.fk(q, waist)[0] - robot.fk(q)[0]).max() > 1e-3
+        assert np.abs(robot.gravity_torque(q, waist) - robot.gravity_torque(q)).max() > 1e-3
+    # Nor does it linger.
+    assert np.array_equal(robot.fk(q)[0], robot.copy().fk(q)[0])
+
+
+def test_wrist_errors_are_distance_and_angle(robot: Robot) -> None:
+    for q, waist in zip(_random_postures(robot, 20), _random_waists(20), strict=True):
+        turn, shift = pin.exp3(np.array([0.0, 0.6, 0.8]) * 0.3), np.array([0.0, 0.03, -0.04])
+        targets = [T.copy() for T in robot.fk(q, waist)]
+        targets[1][:3, :3] = turn @ targets[1][:3, :3]
+        targets[1][:3, 3] += shift
+        position, rotation = robot.wrist_errors(q, *targets, waist)
+        assert np.allclose(position, [0.0, 0.05], atol=1e-12)
+        assert np.allclose(rotation, [0.0, 0.3], atol=1e-7)
 
 
 def test_limits_agree_with_mujoco(robot: Robot, mujoco_model: Any) -> None:
@@ -70,6 +101,23 @@ def test_chain_is_the_arm(robot: Robot) -> None:
     for q in _random_postures(robot, 50):
         for arm, part, T_base_wrist in zip(robot.arms, (q[:7], q[7:]), robot.fk(q), strict=True):
             assert np.allclose(arm.wrist(part), T_base_wrist, atol=1e-12)
+
+
+def test_chain_does_many_postures_at_once(robot: Robot) -> None:
+    postures = _random_postures(robot, 50)
+    for arm, part in zip(robot.arms, (slice(0, 7), slice(7, 14)), strict=True):
+        many = arm.wrists(postures[:, part])
+        assert all(np.allclose(T, arm.wrist(q[part]), atol=1e-14) for T, q in zip(many, postures, strict=True))
+
+
+def test_elbow_of_the_g1(robot: Robot, mujoco_model: Any) -> None:
+    """The arm is straight at an elbow angle of 1.44 rad, and counts as hyperextended from 0.1 rad before that."""
+    data, _ = _mujoco_data(mujoco_model, robot, np.zeros(robot.nq), np.zeros(3))
+    for arm in robot.arms:
+        assert arm.elbow == 3
+        assert arm.straight_elbow == (pytest.approx(1.344, abs=2e-3), 1.0)
+        shoulder, elbow = (data.xanchor[mujoco_model.joint(arm.joint_names[i]).id] for i in (0, 3))
+        assert arm.upper_arm == pytest.approx(np.linalg.norm(elbow - shoulder), abs=1e-9)
 
 
 def test_reach_of_the_g1(robot: Robot) -> None:
@@ -109,6 +157,16 @@ def test_wire_order_may_differ_from_model_order(make_robot: Callable[..., Path])
         (('name="z_2" type="revolute"', 'name="z_2" type="prismatic"'), ("", ""), "joint z_2 is not a revolute"),
         (('name="z_2" type="revolute"', 'name="z_2" type="continuous"'), ("", ""), "joint z_2 is not a revolute"),
         (('name="a_1" type="revolute"', 'name="a_1" type="fixed"'), ("", ""), "joint a_1 is not in arms.urdf"),
+        (
+            ("", ""),
+            ("[presets.openwbt]", '[waist]\njoints = ["z_0"]\n[presets.openwbt]'),
+            "joint z_0 does not follow z_0 in the model",
+        ),
+        (
+            ("", ""),
+            ("[presets.openwbt]", '[waist]\njoints = ["spine"]\n[presets.openwbt]'),
+            "spine is not in arms.urdf",
+        ),
         (('lower="-2" upper="2.5"', 'lower="2" upper="-2"'), ("", ""), "joint z_0 has no usable position limits"),
     ],
 )

@@ -1,161 +1,118 @@
-"""The solver against Ipopt on the shared workloads, and what it promises for any request."""
+"""What the solver promises for any request, in every preset, mode and setting."""
 
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from hypothesis import HealthCheck, given, settings
+from body_oracle import CapsuleOracle
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from truth import check_clearance, check_truth, near_positions, posed, poses, rotation_vectors
 
-from benchmarks.workloads import Workload, cold, tracking, unreachable
+from benchmarks.workloads import cold, tracking
 from ik_proto import Status
 from ik_proto.robots import load_description
-from ik_service import descent as descent_module
+from ik_service import dual_arm as dual_arm_module
+from ik_service import newton as newton_module
 from ik_service import solver as solver_module
 from ik_service.kernel import Kernel, load_kernel
-from ik_service.objective import Preset
-from ik_service.reference import Reference
+from ik_service.preset import Preset
 from ik_service.robot import Robot
-from ik_service.solver import Solution, Solver
+from ik_service.solver import Collision, Mode, Solver
 
 CostOf = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], float]
 
-TIGHT = {"max_iter": 500, "tol": 1e-10, "print_level": 0, "bound_relax_factor": 0.0}
-
-
-@pytest.fixture(scope="module")
-def ipopt(robot: Robot, preset: Preset) -> Reference:
-    """The seeds' formulation, solved as tightly as Ipopt can, without its usual relaxation of the limits."""
-    return Reference(robot, preset, TIGHT)
+SETTINGS: tuple[Collision, ...] = ("off", "report", "avoid")
 
 
 @pytest.fixture(scope="module", params=["vm", "c"])
-def any_solver(request: pytest.FixtureRequest, robot: Robot) -> Solver:
-    return Solver(robot, request.getfixturevalue(f"{request.param}_kernel"))
+def any_solver(request: pytest.FixtureRequest, robot: Robot, preset: Preset) -> Solver:
+    return Solver(robot, request.getfixturevalue(f"{request.param}_kernel"), preset)
 
 
-def _excess(solver: Solver, ipopt: Reference, cost_of: CostOf, robot: Robot, workload: Workload) -> np.ndarray:
-    """Relative excess of our cost over Ipopt's from the same start; neither solver computes the costs."""
-    excess, q = [], workload.first
-    for k in range(len(workload)):
-        start = workload.start(k, q)
-        left, right = workload.left[k], workload.right[k]
-        ours = solver.solve(left, right, start)
-        theirs, _, converged = ipopt.solve(left, right, start)
-        assert converged
-        assert ours.status in (Status.OK, Status.UNREACHABLE)
-        assert (robot.lower <= ours.q).all()
-        assert (ours.q <= robot.upper).all()
-        cost = cost_of(left, right, start, ours.q)
-        best = cost_of(left, right, start, np.clip(theirs, robot.lower, robot.upper))
-        excess.append((cost - best) / best)
-        q = ours.q
-    return np.array(excess)
+@pytest.fixture(scope="module")
+def solvers(robot: Robot, kernel: Kernel, preset: Preset, precise: Preset) -> dict[str, Solver]:
+    return {each.name: Solver(robot, kernel, each) for each in (preset, precise)}
 
 
-def test_tracking_is_as_good_as_ipopt(any_solver: Solver, ipopt: Reference, cost_of: CostOf, robot: Robot) -> None:
-    assert _excess(any_solver, ipopt, cost_of, robot, tracking(robot, 200)).max() <= 1e-8
+def test_limits_are_met_to_the_last_bit(any_solver: Solver, robot: Robot) -> None:
+    """A target pulls every joint over each of its limits in turn; the answer sits on the very same float64."""
+    touched: set[tuple[str, str]] = set()
+    for i in range(robot.nq):
+        for side, bound, beyond in (("lower", robot.lower, -0.3), ("upper", robot.upper, 0.3)):
+            q = (robot.lower + robot.upper) / 2.0
+            q[i] = bound[i] + beyond
+            solution = any_solver.solve(*robot.fk(q), q, collision="off")
+            assert (robot.lower <= solution.q).all()
+            assert (solution.q <= robot.upper).all()
+            if solution.q[i] == bound[i]:
+                touched.add((robot.joint_names[i], side))
+    assert len(touched) == 2 * robot.nq
 
 
-def test_out_of_reach_is_as_good_as_ipopt(any_solver: Solver, ipopt: Reference, cost_of: CostOf, robot: Robot) -> None:
-    assert _excess(any_solver, ipopt, cost_of, robot, unreachable(robot, 100)).max() <= 1e-6
-
-
-def test_cold_solves_are_as_good_as_ipopt(any_solver: Solver, ipopt: Reference, cost_of: CostOf, robot: Robot) -> None:
-    excess = _excess(any_solver, ipopt, cost_of, robot, cold(robot, 100))
-    assert np.mean(excess > 0.01) <= 0.02
-
-
-def test_without_other_starts_cold_solves_are_not(
-    ipopt: Reference, cost_of: CostOf, robot: Robot, vm_kernel: Kernel, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Negative control: the comparison above can tell."""
-    monkeypatch.setattr(solver_module, "JUMP", np.inf)
-    excess = _excess(Solver(robot, vm_kernel), ipopt, cost_of, robot, cold(robot, 50))
-    assert np.mean(excess > 0.01) > 0.1
-
-
-def test_status_tells_reached_from_out_of_reach(any_solver: Solver, robot: Robot) -> None:
-    for workload, expected in ((tracking(robot, 300), Status.OK), (unreachable(robot, 100), Status.UNREACHABLE)):
-        q = workload.first
-        for left, right in zip(workload.left, workload.right, strict=True):
-            solution = any_solver.solve(left, right, q)
-            assert solution.status is expected
-            q = solution.q
-
-
-def test_reachable_targets_nearby_count_as_reached(any_solver: Solver, robot: Robot) -> None:
-    rng = np.random.default_rng(6)
-    middle, half = (robot.lower + robot.upper) / 2.0, (robot.upper - robot.lower) / 2.0
-    for _ in range(200):
-        q = rng.uniform(middle - 0.8 * half, middle + 0.8 * half)
-        start = np.clip(q + rng.uniform(-0.5, 0.5, robot.nq), robot.lower, robot.upper)
-        assert any_solver.solve(*robot.fk(q), start).status is Status.OK
-
-
-def test_steady_streams_never_look_elsewhere(robot: Robot, vm_kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In reach and out of it, a smooth path of targets is followed by one descent a frame, so it is not torn."""
-    usual, followed = Solver(robot, vm_kernel), []
-    for workload in (tracking(robot, 300), unreachable(robot, 300)):
-        q = workload.first
-        for left, right in zip(workload.left, workload.right, strict=True):
-            followed.append((left, right, q, usual.solve(left, right, q)))
-            q = followed[-1][-1].q
-    monkeypatch.setattr(solver_module, "JUMP", np.inf)
-    plain = Solver(robot, vm_kernel)
-    for left, right, q, solution in followed:
-        same = plain.solve(left, right, q)
-        assert np.array_equal(same.q, solution.q)
-        assert same.iterations == solution.iterations
-
-
-rotation_vectors = st.tuples(*[st.floats(-10.0, 10.0)] * 3).map(np.array)
-positions = st.tuples(*[st.floats(-100.0, 100.0)] * 3).map(np.array) | st.tuples(*[st.floats(-0.6, 0.6)] * 3).map(
-    np.array
+unit = st.floats(0.0, 1.0)
+elbows = st.tuples(rotation_vectors.filter(lambda v: np.linalg.norm(v) > 1e-3), unit).map(
+    lambda hint: np.array([*hint[0] / np.linalg.norm(hint[0]), hint[1]])
 )
+hints = st.fixed_dictionaries(
+    {},
+    optional={
+        "waist": st.tuples(*[st.floats(-0.5, 0.5)] * 3).map(np.array),
+        "left_elbow": elbows,
+        "right_elbow": elbows,
+        "weights": st.tuples(*[unit] * 4).map(lambda weights: np.array(weights).reshape(2, 2)),
+    },
+)
+starts = st.lists(st.floats(-0.2, 1.2), min_size=14, max_size=14).map(np.array)
 
 
-@st.composite
-def poses(draw: st.DrawFn) -> np.ndarray:
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = pin.exp3(draw(rotation_vectors)), draw(positions)
-    return T
-
-
-@given(poses(), poses(), st.lists(st.floats(-20.0, 20.0), min_size=14, max_size=14).map(np.array))
-@settings(deadline=None, max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_any_valid_request_gets_a_true_answer(
-    any_solver: Solver, robot: Robot, cost_of: CostOf, left: np.ndarray, right: np.ndarray, q: np.ndarray
+@given(
+    left=poses(),
+    right=poses(),
+    share=starts,
+    hints=hints,
+    name=st.sampled_from(["openwbt", "precise"]),
+    mode=st.sampled_from(["track", "reach"]),
+    collision=st.sampled_from(SETTINGS),
+)
+@settings(max_examples=300)
+def test_any_request_gets_a_true_answer(
+    solvers: dict[str, Solver],
+    robot: Robot,
+    oracle: CapsuleOracle,
+    left: np.ndarray,
+    right: np.ndarray,
+    share: np.ndarray,
+    hints: dict[str, np.ndarray],
+    name: str,
+    mode: Mode,
+    collision: Collision,
 ) -> None:
-    """Finite, within the limits, no worse than the start, and its errors, cost and torques are those of its q."""
-    solution = any_solver.solve(left, right, q)
-    _check_truth(solution, robot, left, right)
-    assert solution.status in (Status.OK, Status.UNREACHABLE)
-    assert (robot.lower <= solution.q).all()
-    assert (solution.q <= robot.upper).all()
-    cost = cost_of(left, right, q, solution.q)
-    assert solution.objective == pytest.approx(cost, rel=1e-7, abs=1e-9)
-    at_start = cost_of(left, right, q, np.clip(q, robot.lower, robot.upper))
-    assert cost <= at_start * (1.0 + 1e-7) + 1e-9
-
-
-def _check_truth(solution: Solution, robot: Robot, left: np.ndarray, right: np.ndarray) -> None:
-    assert np.allclose(solution.tau, robot.gravity_torque(solution.q), rtol=0.0, atol=1e-10)  # [N m]
-    for side, (wrist, target) in enumerate(zip(robot.fk(solution.q), (left, right), strict=True)):
-        distance = np.linalg.norm(wrist[:3, 3] - target[:3, 3])
-        assert solution.position_error[side] == pytest.approx(distance, rel=1e-9, abs=1e-9)
-        # |R - R_target| = 2 sqrt(2) sin(angle / 2) holds at every angle, half a turn included.
-        chord = np.linalg.norm(wrist[:3, :3] - target[:3, :3])
-        angle = solution.rotation_error[side]
-        assert 2.0 * np.sqrt(2.0) * np.sin(angle / 2.0) == pytest.approx(chord, abs=1e-7)
+    """In every preset, mode and setting, with any hints, from starts in and out of the limits."""
+    q = robot.lower + share * (robot.upper - robot.lower)
+    before = q.copy()
+    solution = solvers[name].solve(left, right, q, mode=mode, collision=collision, starts=4, **hints)
+    check_truth(solution, robot, left, right, hints.get("waist"))
+    check_clearance(solution, oracle, collision, hints.get("waist"))
+    assert np.array_equal(q, before)
+    assert solution.objective >= 0.0
+    assert solution.status in (Status.OK, Status.UNREACHABLE, Status.BLOCKED)
+    if collision != "avoid":
+        assert solution.status is not Status.BLOCKED
+    if mode == "reach":
+        assert 0 <= solution.start <= solution.starts <= 4
+    assert solution.iterations >= 0
 
 
 @pytest.mark.parametrize("axis", [*np.eye(3), np.ones(3) / np.sqrt(3.0)])
 @pytest.mark.parametrize("distance", [0.0, 0.3, 100.0])
-def test_exactly_half_a_turn_away(any_solver: Solver, robot: Robot, axis: np.ndarray, distance: float) -> None:
+@pytest.mark.parametrize("name", ["openwbt", "precise"])
+def test_exactly_half_a_turn_away(
+    solvers: dict[str, Solver], robot: Robot, axis: np.ndarray, distance: float, name: str
+) -> None:
     for q in (np.zeros(robot.nq), robot.upper, (robot.lower + robot.upper) / 2.0):
         targets = []
         for wrist in robot.fk(q):
@@ -163,114 +120,161 @@ def test_exactly_half_a_turn_away(any_solver: Solver, robot: Robot, axis: np.nda
             target[:3, :3] = (2.0 * np.outer(axis, axis) - np.eye(3)) @ wrist[:3, :3]
             target[0, 3] += distance
             targets.append(target)
-        solution = any_solver.solve(targets[0], targets[1], q)
-        assert solution.status in (Status.OK, Status.UNREACHABLE)
-        _check_truth(solution, robot, targets[0], targets[1])
+        for collision in SETTINGS:
+            solution = solvers[name].solve(targets[0], targets[1], q, collision=collision)
+            assert solution.status.success
+            check_truth(solution, robot, targets[0], targets[1])
 
 
-def test_target_at_the_wrist_with_no_pull_moves_nothing(any_solver: Solver, robot: Robot) -> None:
+@pytest.mark.parametrize("collision", SETTINGS)
+@pytest.mark.parametrize("name", ["openwbt", "precise"])
+def test_target_at_the_wrist_with_no_pull_moves_nothing(
+    solvers: dict[str, Solver], robot: Robot, collision: Collision, name: str
+) -> None:
     q = np.zeros(robot.nq)
-    solution = any_solver.solve(*robot.fk(q), q)
+    solution = solvers[name].solve(*robot.fk(q), q, collision=collision)
     assert np.array_equal(solution.q, q)
     assert solution.status is Status.OK
     assert solution.iterations == 0
+    assert (solution.start, solution.starts) == (0, 1)
 
 
-def test_answer_depends_on_the_request_alone(robot: Robot, vm_kernel: Kernel) -> None:
-    used, workload = Solver(robot, vm_kernel), cold(robot, 20)
-    requests = [(workload.left[k], workload.right[k], workload.start(k, workload.first)) for k in range(20)]
-    for left, right, q in requests:
-        used.solve(left, right, q)
-    for left, right, q in requests:
-        fresh, again = Solver(robot, vm_kernel).solve(left, right, q), used.solve(left, right, q)
-        assert np.array_equal(fresh.q, again.q)
-        assert fresh.iterations == again.iterations
+@pytest.mark.parametrize("mode", ["track", "reach"])
+@pytest.mark.parametrize("name", ["openwbt", "precise"])
+def test_answer_depends_on_the_request_alone(
+    robot: Robot, kernel: Kernel, solvers: dict[str, Solver], mode: Mode, name: str
+) -> None:
+    """A solver that has just done everything else answers as a fresh one does."""
+    used, workload, rng = solvers[name], cold(robot, 12), np.random.default_rng(0)
+    full: dict[str, Any] = {"waist": rng.uniform(-0.3, 0.3, 3), "weights": np.full((2, 2), 0.5)}
+    nothing: dict[str, Any] = {}
+    full |= {f"{side}_elbow": np.array([0.0, 0.0, -1.0, 1.0]) for side in ("left", "right")}
+    for k in range(len(workload)):
+        request = (workload.left[k], workload.right[k], workload.start(k, workload.first))
+        for collision in SETTINGS:
+            for hints in (nothing, full):
+                used.solve(*request, collision="avoid", mode="reach", starts=2, **full)
+                used.solve(*request[::-1][1:], workload.first, collision="off", **(nothing if hints else full))
+                fresh = Solver(robot, kernel, used.preset).solve(*request, collision=collision, mode=mode, **hints)
+                again = used.solve(*request, collision=collision, mode=mode, **hints)
+                assert np.array_equal(fresh.q, again.q)
+                assert fresh.iterations == again.iterations
+                assert (fresh.status, fresh.start, fresh.starts) == (again.status, again.start, again.starts)
 
 
-def test_solutions_belong_to_the_caller(solver: Solver, robot: Robot) -> None:
-    workload = cold(robot, 2)
-    first = solver.solve(workload.left[0], workload.right[0], workload.first)
+def test_setting_is_read_by_value(solvers: dict[str, Solver], robot: Robot) -> None:
+    """Names that arrive over the wire are equal to the literals, not the same objects."""
+    left = posed(np.zeros(3), np.array([0.0, 0.0, 0.15]))
+    request = (left, robot.fk(np.zeros(robot.nq))[1], np.zeros(robot.nq))
+    for collision in SETTINGS:
+        copied: Collision = "".join(collision)  # type: ignore[assignment]  # ty: ignore[invalid-assignment]
+        for other in SETTINGS:
+            expected = solvers["precise"].solve(*request, collision=collision)
+            solvers["precise"].solve(*request, collision=other)
+            found = solvers["precise"].solve(*request, collision=copied)
+            assert np.array_equal(found.q, expected.q)
+            assert found.clearance == expected.clearance
+
+
+@pytest.mark.parametrize("mode", ["track", "reach"])
+@pytest.mark.parametrize("name", ["openwbt", "precise"])
+def test_solutions_belong_to_the_caller(solvers: dict[str, Solver], robot: Robot, mode: Mode, name: str) -> None:
+    workload, solver = cold(robot, 3), solvers[name]
+    first = solver.solve(workload.left[0], workload.right[0], workload.first, mode=mode)
     kept = [array.copy() for array in (first.q, first.position_error, first.rotation_error, first.tau)]
     request = workload.first.copy()
-    solver.solve(workload.left[1], workload.right[1], request)
+    for k in (1, 2):
+        solver.solve(workload.left[k], workload.right[k], request, mode=mode)
     assert np.array_equal(request, workload.first)
     now = (first.q, first.position_error, first.rotation_error, first.tau)
     assert all(np.array_equal(a, b) for a, b in zip(now, kept, strict=True))
 
 
-def test_the_arms_do_not_know_of_each_other(solver: Solver, robot: Robot) -> None:
-    workload = cold(robot, 10)
+@pytest.mark.parametrize("name", ["openwbt", "precise"])
+def test_the_arms_do_not_know_of_each_other(solvers: dict[str, Solver], robot: Robot, name: str) -> None:
+    """As long as collisions are not avoided."""
+    workload, solver = cold(robot, 10), solvers[name]
     for k in range(1, 10):
         start = workload.start(k, workload.first).copy()
-        both = solver.solve(workload.left[k], workload.right[k], start)
+        both = solver.solve(workload.left[k], workload.right[k], start, collision="report")
         start[7:] = workload.first[7:]
-        other = solver.solve(workload.left[k], workload.right[0], start)
+        other = solver.solve(workload.left[k], workload.right[0], start, collision="report")
         assert np.array_equal(both.q[:7], other.q[:7])
 
 
-def test_solvers_of_one_kernel_run_in_threads(robot: Robot, any_solver: Solver) -> None:
-    workload = tracking(robot, 200)
+@pytest.mark.parametrize("mode", ["track", "reach"])
+def test_solvers_of_one_kernel_run_in_threads(robot: Robot, kernel: Kernel, precise: Preset, mode: Mode) -> None:
+    workload = tracking(robot, 60)
+    requests = [*zip(workload.left, workload.right, strict=True)]
     answers: dict[int, list[np.ndarray]] = {}
 
     def run(name: int) -> None:
-        mine = Solver(robot, any_solver.kernel)
-        answers[name] = [
-            mine.solve(left, right, workload.first).q for left, right in zip(workload.left, workload.right, strict=True)
-        ]
+        mine = Solver(robot, kernel, precise)
+        answers[name] = [mine.solve(left, right, workload.first, mode=mode).q for left, right in requests]
 
     threads = [threading.Thread(target=run, args=(name,)) for name in range(4)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join(timeout=60)
-    assert len(answers) == 4
-    assert all(np.array_equal(answers[0], other) for other in answers.values())
+    run(4)
+    assert len(answers) == 5
+    assert all(np.array_equal(answers[4], other) for other in answers.values())
 
 
 def test_not_converged_echoes_the_request(
-    robot: Robot, preset: Preset, cost_of: CostOf, monkeypatch: pytest.MonkeyPatch
+    robot: Robot,
+    preset: Preset,
+    cost_of: CostOf,
+    oracle: CapsuleOracle,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """With one iteration allowed, a far target cannot be solved; the answer is the request's q, limits or not."""
-    monkeypatch.setattr(descent_module, "ITERATIONS", 1)
-    monkeypatch.setattr(descent_module, "BLOCK", 1)
-    monkeypatch.setattr(solver_module, "MAX_CALLS", 1)
+    monkeypatch.setattr(newton_module, "FIRST", 0)
+    monkeypatch.setattr(dual_arm_module, "BLOCKS", ())
+    hurried = Solver(robot, load_kernel(robot, compiled=False), preset)
     workload = cold(robot, 3)
-    hurried = Solver(robot, load_kernel(robot, preset, compiled=False))
     q = workload.first + 3.0
     left, right = workload.left[0], workload.right[0]
-    solution = hurried.solve(left, right, q)
-    assert solution.status is Status.NOT_CONVERGED
-    assert np.array_equal(solution.q, q)
-    assert solution.q is not q
-    _check_truth(solution, robot, left, right)
-    assert solution.objective == pytest.approx(cost_of(left, right, q, q), rel=1e-9)
+    monkeypatch.setattr(solver_module, "JUMP", np.inf)  # no other starts either
+    for collision in ("off", "report"):
+        solution = hurried.solve(left, right, q, collision=collision)
+        assert solution.status is Status.NOT_CONVERGED
+        assert np.array_equal(solution.q, q)
+        assert solution.q is not q
+        check_truth(solution, robot, left, right)
+        check_clearance(solution, oracle, collision)
+        assert solution.objective == pytest.approx(cost_of(left, right, q, q), rel=1e-9)
+    batch = hurried.solve_batch(left[None], right[None], q[None], collision="off")
+    assert batch.statuses == [Status.NOT_CONVERGED]
+    assert np.array_equal(batch.q[0], q)
 
 
-def test_more_calls_rescue_a_short_kernel(
-    robot: Robot, preset: Preset, vm_kernel: Kernel, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Where one call of the kernel is not enough, it is continued, and ends where a longer one does."""
-    workload = tracking(robot, 50)
-    monkeypatch.setattr(descent_module, "ITERATIONS", 1)
-    monkeypatch.setattr(descent_module, "BLOCK", 1)
-    monkeypatch.setattr(solver_module, "MAX_CALLS", 10)
-    short, whole = Solver(robot, load_kernel(robot, preset, compiled=False)), Solver(robot, vm_kernel)
-    for left, right in zip(workload.left, workload.right, strict=True):
-        a, b = short.solve(left, right, workload.first), whole.solve(left, right, workload.first)
-        assert a.status is b.status
-        assert np.allclose(a.q, b.q, atol=1e-6)
-
-
-def test_arms_of_other_lengths(make_robot: Callable[..., Path]) -> None:
-    description = load_description(make_robot())
-    robot = Robot.load(description)
-    solver = Solver(robot, load_kernel(robot, Preset.of(description, "openwbt"), compiled=False))
+def test_arms_of_other_lengths(small_robot: Robot, small_kernel: Kernel, make_robot: Callable[..., Path]) -> None:
+    """And without capsules: avoidance has nothing to do, and nothing is measured."""
+    preset = Preset.of(load_description(make_robot()), "openwbt")
+    robot, solver = small_robot, Solver(small_robot, small_kernel, preset)
     rng = np.random.default_rng(2)
-    for _ in range(20):
+    for k in range(24):
         q = rng.uniform(0.8 * robot.lower, 0.8 * robot.upper)
         start = q + rng.normal(0.0, 0.05, robot.nq)
-        solution = solver.solve(*robot.fk(q), start)
+        mode: Mode = "reach" if k % 2 else "track"
+        solution = solver.solve(*robot.fk(q), start, mode=mode, collision=SETTINGS[k % 3])
         assert solution.q.shape == (9,)
-        assert (robot.lower <= solution.q).all()
-        assert (solution.q <= robot.upper).all()
-        assert solution.status is not Status.NOT_CONVERGED
+        check_truth(solution, robot, *robot.fk(q))
+        assert solution.status is Status.OK
+        assert (solution.clearance, solution.nearest) == (np.inf, None)
+        if mode == "reach":
+            assert solution.position_error.max() < 1e-4
+
+
+@given(near_positions, rotation_vectors)
+@settings(max_examples=20)
+def test_targets_may_be_views(solvers: dict[str, Solver], robot: Robot, p: np.ndarray, w: np.ndarray) -> None:
+    """Rows of a batch, transposes, other layouts in memory: only the numbers count."""
+    T, q = posed(w, p), np.zeros(robot.nq)
+    expected = solvers["precise"].solve(T, T, q).q
+    strided = np.zeros((8, 8))[::2, ::2]
+    strided[:] = T
+    for same in (np.asfortranarray(T), strided):
+        assert np.array_equal(solvers["precise"].solve(same, same, q).q, expected)
