@@ -4,19 +4,32 @@ Importing it loads numpy, msgpack and orjson; Zenoh when a `zenoh://` address is
 """
 
 from ik_client.client import IKClient
+from ik_client.clutch import Clutch
+from ik_client.engagement import ArmEngagement, ArmStep
 from ik_client.errors import BadRequest, IKError, ProtocolMismatch, Refused, ServiceTimeout, ServiceUnavailable
+from ik_client.gate import Gated, GateLimits, PoseGate
+from ik_client.hand import HandSample
 from ik_client.limiter import StepLimiter
+from ik_client.state_machine import ArmState, StateMachine
 from ik_client.teleop import LoopState, Seed, TeleopLoop, TickReport
 from ik_client.types import Command, Limiter, RobotPort, RobotState, Solver, TargetSource, WristTargets
 from ik_proto.smoothing import WeightedMovingFilter
 
 __all__ = [
+    "ArmEngagement",
+    "ArmState",
+    "ArmStep",
     "BadRequest",
+    "Clutch",
     "Command",
+    "GateLimits",
+    "Gated",
+    "HandSample",
     "IKClient",
     "IKError",
     "Limiter",
     "LoopState",
+    "PoseGate",
     "ProtocolMismatch",
     "Refused",
     "RobotPort",
@@ -25,6 +38,7 @@ __all__ = [
     "ServiceTimeout",
     "ServiceUnavailable",
     "Solver",
+    "StateMachine",
     "StepLimiter",
     "TargetSource",
     "TeleopLoop",

@@ -3,7 +3,8 @@
 import subprocess
 import sys
 
-HEAVY = ["pinocchio", "casadi", "mujoco", "rich", "zenoh", "hdrh", "ik_service", "sim_client", "uvloop", "scipy"]
+HEAVY = ["pinocchio", "casadi", "mujoco", "rich", "zenoh", "hdrh", "ruckig", "ik_service", "sim_client", "uvloop"]
+HEAVY += ["scipy"]
 
 
 def modules_after(code: str) -> set[str]:
