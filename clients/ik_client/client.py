@@ -1,7 +1,7 @@
 """`IKClient`: one class to call the service, whatever carries the call.
 
-- Every call is bounded by `timeout`, reconnecting and failing over included.
-- An answer (`ok`, `unreachable`, `not_converged`) is returned as an object; a refusal is raised.
+- Every call is bounded by `timeout`, reconnecting and failing over included; a batch by `timeout` and 2 ms more a row.
+- An answer (`ok`, `unreachable`, `blocked`, `not_converged`) is returned as an object; a refusal is raised.
 - A request is validated here as the service would, so that a mistake costs no round trip.
 - Not thread-safe: give each thread a client of its own.
 """
@@ -9,7 +9,7 @@
 import itertools
 import math
 import time
-from collections.abc import Callable, Sized
+from collections.abc import Callable, Sequence, Sized
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -19,32 +19,41 @@ from ik_client.address import parse_address
 from ik_client.errors import BadRequest, ProtocolMismatch, Refused, ServiceTimeout, ServiceUnavailable
 from ik_client.transport import Transport, open_transport
 from ik_proto import (
+    ANSWERS,
+    MAX_BATCH,
     PROTOCOL_VERSION,
     Array,
+    BatchReply,
+    Collision,
     Document,
     FkReply,
     FkRequest,
     InfoReply,
     InfoRequest,
+    Mode,
     ProtocolError,
     Reply,
     ReplyError,
     Request,
     RequestError,
+    SolveBatchRequest,
     SolveReply,
     SolveRequest,
     Status,
+    parse_batch_reply,
     parse_fk_reply,
     parse_info_reply,
     parse_request,
     parse_solve_reply,
     request_document,
 )
+from ik_proto.limits import DEFAULT_STARTS
 
-_ANSWERS = frozenset({Status.OK, Status.UNREACHABLE, Status.NOT_CONVERGED})
 _CLIENT_AT_FAULT = frozenset({Status.BAD_REQUEST, Status.UNSUPPORTED})
 _RETRY_PAUSE = 0.05
 """Between two attempts to reach a service that is just starting [s]."""
+_ROW_SECONDS = 0.002
+"""What a row adds to the time a batch may take [s]: many times what solving and carrying it takes."""
 
 _R = TypeVar("_R", bound=Reply)
 
@@ -96,7 +105,7 @@ class IKClient:
         self._clock = clock
         self._transport: Transport | None = open_transport(parse_address(url), clock)
         self._ids = itertools.count(1)
-        self._n: int | None = None
+        self._widths: tuple[int, int] | None = None
         self._boot_id = ""
         if connect:
             self._connect(connect_timeout)
@@ -106,7 +115,21 @@ class IKClient:
         """The run of the service that answered last; a changed one means another run. Empty before any answer."""
         return self._boot_id
 
-    def solve(self, left_wrist: Array, right_wrist: Array, q: Array, dq: Array | None = None) -> SolveReply:
+    def solve(
+        self,
+        left_wrist: Array,
+        right_wrist: Array,
+        q: Array,
+        dq: Array | None = None,
+        *,
+        mode: Mode | None = None,
+        waist: Array | None = None,
+        left_elbow: Array | None = None,
+        right_elbow: Array | None = None,
+        weights: Array | None = None,
+        collision: Collision | None = None,
+        starts: int | None = None,
+    ) -> SolveReply:
         """Find joint positions that bring both wrists to their targets.
 
         Args:
@@ -114,6 +137,16 @@ class IKClient:
             right_wrist: Target of the right wrist, shape (4, 4) [m].
             q: Joint positions to start from and to stay near, shape (n,) [rad].
             dq: Joint velocities, shape (n,) [rad/s]; zero where not given.
+            mode: "track" to stay near `q`, which is the default, or "reach" to search the whole range of the joints.
+            waist: Measured waist joints, shape (w,) [rad]; zero where not given. Targets stay in the pelvis frame.
+            left_elbow: Wished direction from the left shoulder to the left elbow in the pelvis frame, of any length,
+                and the confidence in it from 0 to 1, shape (4,).
+            right_elbow: The same of the right arm.
+            weights: Factors from 0 to 1 on how much position and rotation of the left and of the right wrist count,
+                shape (2, 2): a rotation factor of 0 leaves the orientation free.
+            collision: "off", "report" to measure the clearance, or "avoid" to keep it; None takes the service's
+                default.
+            starts: Most starts an arm is given in mode "reach"; None takes the protocol's default.
 
         Returns:
             The answer. Follow its `sol_q` only where `success` is true.
@@ -125,16 +158,96 @@ class IKClient:
             ServiceTimeout: No answer came in time.
             ProtocolMismatch: What answers does not speak this protocol.
         """
-        n = self._joints(q)
-        dq = np.zeros(n) if dq is None else dq
-        request = SolveRequest(left_wrist, right_wrist, q, dq, self._preset, next(self._ids))
-        return self._call(request, n, SolveReply, lambda document: parse_solve_reply(document, n), self.timeout)
+        n, n_waist = self._joints(_size(q), _size(waist))
+        request = SolveRequest(
+            left_wrist,
+            right_wrist,
+            q,
+            np.zeros(n) if dq is None else dq,
+            self._preset,
+            next(self._ids),
+            "track" if mode is None else mode,
+            waist,
+            left_elbow,
+            right_elbow,
+            weights,
+            collision,
+            DEFAULT_STARTS if starts is None else starts,
+        )
+        return self._call(
+            request, n, n_waist, SolveReply, lambda document: parse_solve_reply(document, n), self.timeout
+        )
 
-    def fk(self, q: Array) -> FkReply:
+    def solve_batch(
+        self,
+        left_wrist: Array,
+        right_wrist: Array,
+        q: Array,
+        dq: Array | None = None,
+        *,
+        mode: Mode | None = None,
+        waist: Array | None = None,
+        left_elbow: Array | None = None,
+        right_elbow: Array | None = None,
+        weights: Array | None = None,
+        collision: Collision | None = None,
+        starts: int | None = None,
+    ) -> BatchReply:
+        """Solve N problems in one request; the answers are those of N calls of `solve`, to the last bit.
+
+        The call may take `timeout`, and 2 ms more a row.
+
+        Args:
+            left_wrist: Targets of the left wrist, shape (N, 4, 4) [m]; N at most `ik_proto.MAX_BATCH`.
+            right_wrist: Targets of the right wrist, shape (N, 4, 4) [m].
+            q: Joint positions to start from and to stay near, shape (N, n) [rad].
+            dq: Joint velocities, shape (N, n) [rad/s]; zero where not given.
+            mode: As in `solve`, for all rows.
+            waist: Measured waist joints, shape (N, w) [rad].
+            left_elbow: Wished directions and confidences, shape (N, 4).
+            right_elbow: The same of the right arm.
+            weights: Factors, shape (N, 2, 2).
+            collision: As in `solve`, for all rows.
+            starts: As in `solve`, for all rows.
+
+        Returns:
+            The answers. Where `success` is false, follow the rows whose status in `statuses` is a success.
+
+        Raises:
+            IKError: As `solve`. A single bad row refuses the batch, and is named.
+        """
+        n, n_waist = self._joints(_width(q), _width(waist))
+        request = SolveBatchRequest(
+            left_wrist,
+            right_wrist,
+            q,
+            dq,
+            self._preset,
+            next(self._ids),
+            "track" if mode is None else mode,
+            waist,
+            left_elbow,
+            right_elbow,
+            weights,
+            collision,
+            DEFAULT_STARTS if starts is None else starts,
+        )
+        rows = min(_size(q), MAX_BATCH)
+        return self._call(
+            request,
+            n,
+            n_waist,
+            BatchReply,
+            lambda document: parse_batch_reply(document, rows, n),
+            self.timeout + _ROW_SECONDS * rows,
+        )
+
+    def fk(self, q: Array, waist: Array | None = None) -> FkReply:
         """Ask where the wrists are.
 
         Args:
             q: Joint positions, shape (n,) [rad].
+            waist: Measured waist joints, shape (w,) [rad]; zero where not given.
 
         Returns:
             Both wrist poses.
@@ -142,7 +255,8 @@ class IKClient:
         Raises:
             IKError: As `solve`.
         """
-        return self._call(FkRequest(q, next(self._ids)), self._joints(q), FkReply, parse_fk_reply, self.timeout)
+        n, n_waist = self._joints(_size(q), _size(waist))
+        return self._call(FkRequest(q, next(self._ids), waist), n, n_waist, FkReply, parse_fk_reply, self.timeout)
 
     def info(self) -> InfoReply:
         """Ask who answers: protocol, robot, joint order, limits, presets.
@@ -188,30 +302,36 @@ class IKClient:
             raise
 
     def _info(self, timeout: float) -> InfoReply:
-        reply = self._call(InfoRequest(next(self._ids)), 0, InfoReply, parse_info_reply, timeout)
+        reply = self._call(InfoRequest(next(self._ids)), 0, 0, InfoReply, parse_info_reply, timeout)
         if reply.protocol != PROTOCOL_VERSION:
             raise ProtocolMismatch(
                 self.url, f"it serves version {reply.protocol}, this client speaks version {PROTOCOL_VERSION}"
             )
-        self._n = len(reply.joint_names)
+        self._widths = len(reply.joint_names), len(reply.waist_joints)
         return reply
 
-    def _joints(self, q: Array) -> int:
-        """Number of joints of the robot; until the service was asked, as many as the request has."""
-        if self._n is not None:
-            return self._n
-        return len(q) if isinstance(q, Sized) else 0
+    def _joints(self, n: int, n_waist: int) -> tuple[int, int]:
+        """Numbers of arm and waist joints of the robot; until the service was asked, those of the request."""
+        return self._widths or (n, n_waist)
 
-    def _call(self, request: Request, n: int, kind: type[_R], parse: Callable[[Document], _R], timeout: float) -> _R:
+    def _call(
+        self,
+        request: Request,
+        n: int,
+        n_waist: int,
+        kind: type[_R],
+        parse: Callable[[Document], _R],
+        timeout: float,
+    ) -> _R:
         if self._transport is None:
             raise ServiceUnavailable(self.url, "this client is closed; make a new one")
         deadline = self._clock() + timeout
-        body = self._transport.codec.encode(_validated(request_document(request), n))
+        body = self._transport.codec.encode(_validated(request_document(request), n, n_waist))
         try:
             document = self._transport.codec.decode(self._transport.request(body, deadline))
             # Whatever was asked, a refusal has the form of a solve reply.
-            reply = parse(document) if document.get("success") is True else parse_solve_reply(document, n)
-            answered = reply.status in _ANSWERS
+            reply = parse(document) if document.get("status") in ANSWERS else parse_solve_reply(document, n)
+            answered = reply.status in ANSWERS
             if reply.id != request.id and (answered or reply.id != 0):  # 0: refused before the id could be read
                 raise ReplyError(f"reply {reply.id} came for request {request.id}")
         except TimeoutError:
@@ -225,13 +345,26 @@ class IKClient:
         raise (BadRequest if reply.status in _CLIENT_AT_FAULT else Refused)(reply.status, reply.error, reply)
 
 
-def _validated(document: Document, n: int) -> Document:
+def _size(vector: object) -> int:
+    """Length of what may be a vector; 0 where it is none."""
+    try:
+        return len(vector) if isinstance(vector, Sized) else 0
+    except TypeError:  # an array of no dimension
+        return 0
+
+
+def _width(rows: object) -> int:
+    """Length of the first row of what may be a matrix; 0 where it is none."""
+    return _size(rows[0]) if isinstance(rows, Sequence | np.ndarray) and _size(rows) else 0
+
+
+def _validated(document: Document, n: int, n_waist: int) -> Document:
     """The document of a request the service would accept.
 
     Raises:
         BadRequest: It would not.
     """
     try:
-        return request_document(parse_request(document, n))
+        return request_document(parse_request(document, n, n_waist))
     except RequestError as error:
         raise BadRequest(error.status, str(error)) from None

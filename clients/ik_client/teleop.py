@@ -9,6 +9,7 @@
   first tick, without torque. It never goes home by itself.
 - The solve starts from the last command while every joint agrees with the measurement within `agreement`, else from the
   measured joints: a solver that starts from a sagging arm creeps after it.
+- The measured waist, and the elbow directions and weights a tracker gives, go with every solve.
 - Leaving HOLDING needs nothing but a usable answer: the limiter bounds the way from the held command, so a service that
   returns, or another that takes over, cannot make the robot jump.
 - The feed-forward torque advances by the same fraction of its way as the joints, and is held with them.
@@ -25,7 +26,7 @@ from enum import StrEnum
 import numpy as np
 
 from ik_client.types import Command, Limiter, RobotPort, RobotState, Solver, TargetSource, WristTargets
-from ik_proto import Array, SolveReply, Status
+from ik_proto import Array, Collision, SolveReply, Status
 from ik_proto.smoothing import WeightedMovingFilter
 
 
@@ -87,6 +88,11 @@ class TickReport:
         return self.reply.rotation_error if self.reply else None
 
     @property
+    def clearance(self) -> float | None:
+        """Smallest distance between two parts of the body at the answer [m]; None where it was not measured."""
+        return self.reply.clearance if self.reply else None
+
+    @property
     def solve_us(self) -> float | None:
         """Time the service spent solving [us]; None without an answer."""
         return self.reply.solve_us if self.reply else None
@@ -125,6 +131,7 @@ class TeleopLoop:
         *,
         smoothing: WeightedMovingFilter | None = None,
         feed_forward: bool = False,
+        collision: Collision | None = None,
         agreement: float = 0.3,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -137,6 +144,7 @@ class TeleopLoop:
             limiter: Bounds the way from one command to the next.
             smoothing: Filter over the answers, in front of the limiter.
             feed_forward: Send the gravity torque along with the joints; else the torque is zero.
+            collision: What to do about self-collision, as in `IKClient.solve`; None takes the service's default.
             agreement: Largest difference of a joint's command and measurement with which the command still counts as
                 where the arm is [rad].
             clock: Monotonic time [s].
@@ -147,6 +155,7 @@ class TeleopLoop:
         self._limiter = limiter
         self._smoothing = smoothing
         self._feed_forward = feed_forward
+        self._collision: Collision | None = collision
         self._agreement = agreement
         self._clock = clock
         self._last: Command | None = None
@@ -217,7 +226,17 @@ class TeleopLoop:
         seed = last.q if agrees else measured.q
         begin = self._clock()
         try:
-            return self._ik.solve(targets.left, targets.right, seed, measured.dq)
+            return self._ik.solve(
+                targets.left,
+                targets.right,
+                seed,
+                measured.dq,
+                waist=measured.waist,
+                left_elbow=targets.left_elbow,
+                right_elbow=targets.right_elbow,
+                weights=targets.weights,
+                collision=self._collision,
+            )
         finally:
             tick.round_trip = self._clock() - begin
 

@@ -7,7 +7,7 @@ frame (x forward, y left, z up). Times are those of the loop's clock [s]; nothin
 from dataclasses import dataclass
 from typing import Protocol
 
-from ik_proto import Array, SolveReply
+from ik_proto import Array, Collision, Mode, SolveReply
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -19,12 +19,19 @@ class WristTargets:
         right: Target of the right wrist, shape (4, 4) [m].
         time: When they were captured [s].
         valid: Whether the tracker vouches for them; the loop holds where it does not.
+        left_elbow: Direction from the left shoulder to the left elbow and the confidence in it, shape (4,), as in
+            `IKClient.solve`; None where the tracker does not see it.
+        right_elbow: The same of the right arm.
+        weights: Factors on how much each target counts, shape (2, 2), as in `IKClient.solve`; None for ones.
     """
 
     left: Array
     right: Array
     time: float
     valid: bool = True
+    left_elbow: Array | None = None
+    right_elbow: Array | None = None
+    weights: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,11 +42,14 @@ class RobotState:
         q: Joint positions, shape (n,) [rad].
         dq: Joint velocities, shape (n,) [rad/s].
         time: When they were measured [s].
+        waist: Positions of the waist joints, shape (w,) [rad], in the order of `InfoReply.waist_joints`; None where the
+            waist stays straight.
     """
 
     q: Array
     dq: Array
     time: float
+    waist: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +97,20 @@ class TargetSource(Protocol):
 class Solver(Protocol):
     """What the loop needs of an `IKClient`."""
 
-    def solve(self, left_wrist: Array, right_wrist: Array, q: Array, dq: Array) -> SolveReply:
+    def solve(
+        self,
+        left_wrist: Array,
+        right_wrist: Array,
+        q: Array,
+        dq: Array,
+        *,
+        mode: Mode | None = None,
+        waist: Array | None = None,
+        left_elbow: Array | None = None,
+        right_elbow: Array | None = None,
+        weights: Array | None = None,
+        collision: Collision | None = None,
+    ) -> SolveReply:
         """Find joint positions for two wrist targets; see `IKClient.solve`."""
         ...
 

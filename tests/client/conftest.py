@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 import pytest
 from fake_service import FakeService, TcpFake, ZenohFake
 
+from ik_client import IKClient
+
 
 @pytest.fixture
 def service() -> FakeService:
@@ -45,3 +47,14 @@ def start_zenoh() -> Iterator[Callable[..., ZenohFake]]:
 def free_port() -> int:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         return listener.getsockname()[1]
+
+
+@pytest.fixture
+def fake(service: FakeService, start_tcp: Callable[..., TcpFake]) -> TcpFake:
+    return start_tcp(service)
+
+
+@pytest.fixture
+def ik(fake: TcpFake) -> Iterator[IKClient]:
+    with IKClient(fake.url, timeout=2.0) as client:
+        yield client

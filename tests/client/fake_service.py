@@ -5,12 +5,14 @@ import json
 import socket
 import threading
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from ik_proto import (
     JSON,
     MSGPACK,
+    BatchReply,
     Codec,
     FkReply,
     FkRequest,
@@ -20,6 +22,7 @@ from ik_proto import (
     Reply,
     Request,
     RequestError,
+    SolveBatchRequest,
     SolveReply,
     Status,
     encode_frame,
@@ -30,6 +33,19 @@ from ik_proto import (
 JOINTS = 14
 LOWER, UPPER = np.full(JOINTS, -2.0), np.full(JOINTS, 2.0)
 SHOULDERS = np.array([[0.0, 0.1, 0.3], [0.0, -0.1, 0.3]])
+EYE = np.eye(4)
+Q = np.linspace(-0.5, 0.5, JOINTS)
+OPTIONS: dict[str, Any] = {
+    "mode": "reach",
+    "waist": np.array([0.1, -0.2, 0.3]),
+    "left_elbow": np.array([0.0, 0.6, -0.8, 0.5]),
+    "right_elbow": np.array([0.0, -1.0, 0.0, 1.0]),
+    "weights": np.array([[1.0, 0.5], [0.25, 0.0]]),
+    "collision": "report",
+    "starts": 7,
+}
+"""Every option of a solve, and none with its default."""
+DEFAULTS: dict[str, Any] = dict.fromkeys(OPTIONS) | {"mode": "track", "starts": 128}
 
 
 class FakeService:
@@ -45,7 +61,13 @@ class FakeService:
 
     def reply(self, request: Request) -> Reply:
         """What a healthy service says: it solves by moving every joint by 0.1 rad, up to its limit."""
-        head = {"success": True, "error": "", "status": Status.OK, "id": request.id, "boot_id": self.boot_id}
+        head: dict[str, Any] = {
+            "success": True,
+            "error": "",
+            "status": Status.OK,
+            "id": request.id,
+            "boot_id": self.boot_id,
+        }
         match request:
             case InfoRequest():
                 return InfoReply(
@@ -63,6 +85,24 @@ class FakeService:
                     presets=["openwbt"],
                     default_preset="openwbt",
                     kernel="vm",
+                    waist_joints=["waist_yaw", "waist_roll", "waist_pitch"],
+                    margin=0.01,
+                    capsules=["torso", "left_hand"],
+                )
+            case SolveBatchRequest():
+                rows = len(request.q)
+                return BatchReply(
+                    **head,
+                    sol_q=np.minimum(request.q + 0.1, UPPER),
+                    statuses=[Status.OK] * rows,
+                    tau=np.ones((rows, JOINTS)),
+                    position_error=np.zeros((rows, 2)),
+                    rotation_error=np.zeros((rows, 2)),
+                    clearance=np.full(rows, 0.25),
+                    start=[0] * rows,
+                    iterations=3 * rows,
+                    solve_us=7.0 * rows,
+                    server_us=9.0 * rows,
                 )
             case FkRequest():
                 return FkReply(**head, left_wrist=pose(request.q[:3]), right_wrist=pose(request.q[7:10]))
@@ -179,3 +219,31 @@ def pose(xyz: np.ndarray) -> np.ndarray:
     T = np.eye(4)
     T[:3, 3] = xyz
     return T
+
+
+def bent(entry: tuple[int, int], value: float) -> np.ndarray:
+    T = np.eye(4)
+    T[entry] = value
+    return T
+
+
+def reply_with(reply: SolveReply, **changes: object) -> bytes:
+    return JSON.encode(reply_document(reply) | changes)
+
+
+class Echo:
+    """A transport that always says the same."""
+
+    codec = JSON
+
+    def __init__(self, said: bytes) -> None:
+        self.said = said
+
+    def request(self, body: bytes, deadline: float) -> bytes:
+        return self.said
+
+    def reset(self) -> None:
+        pass
+
+    def close(self) -> None:
+        pass

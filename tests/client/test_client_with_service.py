@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from ik_client import (
     TickReport,
     WristTargets,
 )
+from ik_proto import MAX_BATCH
 
 STEP = 0.01
 TICKS_TO_RETURN = 3000
@@ -54,6 +56,56 @@ def test_both_transports_give_the_same_answer_to_the_last_bit(service_process):
         assert one.position_error is not None
         error = np.linalg.norm(reached.left_wrist[:3, 3] - wrists.left_wrist[:3, 3])
         assert one.position_error[0] == pytest.approx(error, abs=1e-9)
+
+
+def test_the_largest_batch_with_everything_in_it_is_its_rows_over_both_transports(service_process):
+    rng = np.random.default_rng(4)
+    with (
+        IKClient(service_process.tcp_url, timeout=20.0) as tcp,
+        IKClient(service_process.zenoh_url, timeout=20.0) as zen,
+    ):
+        info = tcp.info()
+        n, N = len(info.joint_names), MAX_BATCH
+        q = rng.uniform(0.2 * info.lower, 0.2 * info.upper, (N, n))
+        goal = tcp.fk(0.25 * info.upper)
+        targets = np.tile(goal.left_wrist, (N, 1, 1)), np.tile(goal.right_wrist, (N, 1, 1))
+        for target in targets:
+            target[:, :3, 3] += rng.normal(0.0, 0.02, (N, 3))
+        options: dict[str, Any] = {
+            "waist": rng.normal(0.0, 0.1, (N, len(info.waist_joints))),
+            "left_elbow": rng.normal(size=(N, 4)) * [1.0, 1.0, 1.0, 0.0] + [0.0, 0.0, 0.0, 0.5],
+            "right_elbow": rng.normal(size=(N, 4)) * [1.0, 1.0, 1.0, 0.0] + [0.0, 0.0, 0.0, 1.0],
+            "weights": rng.uniform(0.0, 1.0, (N, 2, 2)),
+        }
+        one = tcp.solve_batch(*targets, q, np.zeros((N, n)), **options)
+        two = zen.solve_batch(*targets, q, **options)
+        for name in ("sol_q", "tau", "position_error", "rotation_error", "clearance"):
+            assert getattr(one, name).tobytes() == getattr(two, name).tobytes(), name
+        assert one.statuses == two.statuses
+        assert one.clearance is not None
+        for k in range(0, N, 100):
+            row = {name: rows[k] for name, rows in options.items()}
+            alone = tcp.solve(targets[0][k], targets[1][k], q[k], **row)
+            assert alone.status == one.statuses[k]
+            assert alone.sol_q is not None
+            assert alone.sol_q.tobytes() == one.sol_q[k].tobytes()
+            assert alone.clearance == one.clearance[k]
+
+
+def test_reach_finds_what_is_far_and_says_how(service_process, scheme):
+    with IKClient(url_of(service_process, scheme), timeout=5.0) as ik:
+        info = ik.info()
+        left = np.array([-0.3, 0.35, 0.0, 1.0, 0.0, 0.0, 0.0])  # away from the body
+        wrists = ik.fk(np.concatenate([left, left * [1, -1, -1, 1, -1, 1, -1]]))
+        reply = ik.solve(wrists.left_wrist, wrists.right_wrist, 0.9 * info.lower, mode="reach")
+        assert reply.status == "ok"
+        assert reply.clearance is not None
+        assert reply.clearance >= info.margin
+        assert reply.position_error is not None
+        assert reply.position_error.max() < 1e-4
+        assert reply.start is not None
+        assert reply.starts is not None
+        assert 0 <= reply.start <= reply.starts <= 64
 
 
 def test_an_unknown_preset_is_refused_by_name(service_process, scheme):
@@ -150,6 +202,7 @@ for ik in closed:
 def test_ik_load_runs_against_the_daemon(service_process, scheme, workload, tmp_path):
     file = tmp_path / "load.json"
     options = ["--rate=50", "--duration=0.5", "--warmup=0.1", f"--workload={workload}", f"--json={file}"]
+    options += ["--collision=off"]  # the workloads know nothing of the body
     run = subprocess.run(
         [sys.executable, "-m", "ik_client.load", url_of(service_process, scheme), *options],
         capture_output=True,

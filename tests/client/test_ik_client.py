@@ -9,28 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_service import FakeService
+from fake_service import EYE, Echo, FakeService, Q, bent, reply_with
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ik_client import BadRequest, IKClient, IKError, ProtocolMismatch, Refused, ServiceTimeout, ServiceUnavailable
 from ik_proto import JSON, SolveReply, SolveRequest, Status, encode_frame, reply_document
 
-EYE = np.eye(4)
-Q = np.linspace(-0.5, 0.5, 14)
 SCALARS = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.just(10**400)
 JUNK = st.recursive(SCALARS, lambda inner: st.lists(inner, max_size=15))
-
-
-@pytest.fixture
-def fake(service, start_tcp):
-    return start_tcp(service)
-
-
-@pytest.fixture
-def ik(fake):
-    with IKClient(fake.url, timeout=2.0) as client:
-        yield client
 
 
 def test_solve_fk_and_info_return_objects(ik, service):
@@ -110,12 +97,6 @@ def test_a_refusal_without_id_is_a_refusal(ik, service):
     )
     with pytest.raises(Refused, match="overloaded: full"):
         ik.solve(EYE, EYE, Q)
-
-
-def bent(entry: tuple[int, int], value: float) -> np.ndarray:
-    T = np.eye(4)
-    T[entry] = value
-    return T
 
 
 @pytest.mark.parametrize(
@@ -216,10 +197,6 @@ def test_a_reply_to_another_request_is_refused_and_the_connection_dropped(ik, fa
     assert fake.accepted == before + 1
 
 
-def reply_with(reply: SolveReply, **changes: object) -> bytes:
-    return JSON.encode(reply_document(reply) | changes)
-
-
 @pytest.mark.parametrize(
     "said",
     [
@@ -282,24 +259,6 @@ def test_a_reply_may_come_in_pieces(fake, service):
     service.frame = lambda body: encode_frame(body + b" " * 60_000)  # more than one segment
     with IKClient(fake.url, timeout=5.0) as ik:
         assert ik.solve(EYE, EYE, Q).success
-
-
-class Echo:
-    """A transport that always says the same."""
-
-    codec = JSON
-
-    def __init__(self, said: bytes) -> None:
-        self.said = said
-
-    def request(self, body: bytes, deadline: float) -> bytes:
-        return self.said
-
-    def reset(self) -> None:
-        pass
-
-    def close(self) -> None:
-        pass
 
 
 def answer_to(said: bytes) -> SolveReply | IKError:

@@ -15,7 +15,7 @@ from ik_client.load.cli import main
 from ik_client.load.outcomes import Outcomes
 from ik_client.load.report import print_report
 from ik_client.load.runner import LoadOptions, LoadResult
-from ik_proto import InfoRequest, Status
+from ik_proto import InfoRequest, SolveRequest, Status
 
 COUNT = {"type": "integer", "minimum": 0}
 SECONDS = {"type": "number", "minimum": 0}
@@ -41,6 +41,9 @@ SCHEMA = closed_object(
         seed={"type": "integer"},
         timeout=SECONDS,
         warmup=SECONDS,
+        preset={"type": ["string", "null"]},
+        mode={"enum": ["track", "reach", None]},
+        collision={"enum": ["off", "report", "avoid", None]},
     ),
     service=closed_object(
         protocol=COUNT,
@@ -119,6 +122,21 @@ def test_other_workloads_and_a_closed_loop(fake, tmp_path, arguments):
     jsonschema.validate(json.loads(file.read_text()), SCHEMA)
 
 
+def test_preset_mode_and_collision_are_asked_for_and_reported(fake, service, tmp_path):
+    file = tmp_path / "load.json"
+    options = ["--preset", "openwbt", "--mode", "reach", "--collision", "off"]
+    run = ik_load(fake.url, "--duration", "0.3", "--warmup", "0", "--json", str(file), *options)
+    assert run.returncode == 0, run.stderr
+    document = json.loads(file.read_text())
+    jsonschema.validate(document, SCHEMA)
+    assert document["service"]["preset"] == "openwbt"
+    assert [document["options"][name] for name in ("preset", "mode", "collision")] == ["openwbt", "reach", "off"]
+    assert "preset openwbt, reach, collision off, service" in run.stdout
+    solves = [request for request in service.requests if isinstance(request, SolveRequest)]
+    assert len(solves) > 5
+    assert {(request.preset, request.mode, request.collision) for request in solves} == {("openwbt", "reach", "off")}
+
+
 def test_as_fast_as_answered(fake, tmp_path):
     file = tmp_path / "load.json"
     run = ik_load(fake.url, "--closed", "--duration", "0.3", "--json", str(file))
@@ -186,6 +204,8 @@ def test_a_mistake_is_one_line_and_exits_2(capsys, arguments, message):
         ["tcp://127.0.0.1:1", "--warmup", "-1"],
         ["tcp://127.0.0.1:1", "--duration", "inf"],
         ["tcp://127.0.0.1:1", "--workload", "hard"],
+        ["tcp://127.0.0.1:1", "--mode", "walk"],
+        ["tcp://127.0.0.1:1", "--collision", "on"],
     ],
 )
 def test_wrong_arguments_exit_2(capsys, arguments):

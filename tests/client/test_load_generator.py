@@ -24,6 +24,8 @@ class World:
         self.says = says
         self.sent: list[float] = []
         self.seeds: list[np.ndarray] = []
+        self.options: list[dict] = []
+        self.asks: dict = {}
 
     def clock(self) -> float:
         return self.now
@@ -31,8 +33,9 @@ class World:
     def sleep(self, seconds: float) -> None:
         self.now += seconds
 
-    def solve(self, left_wrist, right_wrist, q, dq) -> SolveReply:
+    def solve(self, left_wrist, right_wrist, q, dq, **options) -> SolveReply:
         k = len(self.sent)
+        self.options.append(options)
         self.sent.append(self.now)
         self.seeds.append(q)
         self.now += self.takes(self.now)
@@ -49,7 +52,7 @@ class World:
             begin, begin + warmup, begin + warmup + duration, 1.0 / rate if rate else 0.0, grace=1.0, **options
         )
         generator = Generator(
-            self, workload, schedule, good_within=0.02, stopped=stopped, clock=self.clock, sleep=self.sleep
+            self, workload, schedule, good_within=0.02, stopped=stopped, clock=self.clock, sleep=self.sleep, **self.asks
         )
         return generator.run()
 
@@ -148,6 +151,16 @@ def test_a_stop_ends_it_soon_and_keeps_what_there_is():
     outcomes = world.run(rate=1.0, duration=1000.0, stopped=lambda: world.now > 103.5)
     assert outcomes.total == 4
     assert world.now < 103.8
+
+
+def test_mode_and_collision_go_with_every_request():
+    world = World()
+    world.run(rate=10.0, duration=0.3)
+    assert world.options == [{"mode": None, "collision": None}] * 3
+    world = World()
+    world.asks = {"mode": "reach", "collision": "off"}
+    world.run(rate=10.0, duration=0.3)
+    assert world.options == [world.asks] * 3
 
 
 def test_a_chained_solve_starts_from_the_last_solution_that_may_be_followed():

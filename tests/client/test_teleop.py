@@ -1,6 +1,7 @@
 """The teleop loop's rules, with a clock, a robot, a tracker and a service that do what the test says."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -51,13 +52,14 @@ class Robot:
     def __init__(self, q=None) -> None:
         self.q = np.zeros(N) if q is None else q
         self.dq = np.zeros(N)
+        self.waist: np.ndarray | None = None
         self.commands: list[Command] = []
         self.fault: Exception | None = None
 
     def read(self) -> RobotState:
         if self.fault:
             raise self.fault
-        return RobotState(self.q, self.dq, 0.0)
+        return RobotState(self.q, self.dq, 0.0, self.waist)
 
     def send(self, command: Command) -> None:
         self.commands.append(command)
@@ -78,8 +80,10 @@ class Service:
         self.says: Callable[[np.ndarray], SolveReply | Exception] = lambda q: answer(np.ones(N))
         self.seeds: list[np.ndarray] = []
         self.asked: list[tuple[np.ndarray, ...]] = []
+        self.options: list[dict] = []
 
-    def solve(self, left_wrist, right_wrist, q, dq) -> SolveReply:
+    def solve(self, left_wrist, right_wrist, q, dq, **options) -> SolveReply:
+        self.options.append(options)
         self.seeds.append(q)
         self.asked.append((left_wrist, right_wrist, q, dq))
         said = self.says(q)
@@ -131,6 +135,35 @@ def test_a_report_tells_what_happened():
     assert report.command is bench.robot.commands[-1]
     assert report.targets is not None
     assert report.measured is not None
+
+
+def test_the_measured_waist_and_what_the_tracker_adds_go_with_the_solve():
+    bench = Bench(collision="report")
+    bench.tick()
+    assert bench.service.options[-1] == {
+        "waist": None,
+        "left_elbow": None,
+        "right_elbow": None,
+        "weights": None,
+        "collision": "report",
+    }
+    waist, elbow, weights = np.array([0.1, 0.2, 0.3]), np.array([0.0, 0.0, -1.0, 0.5]), np.ones((2, 2))
+    bench.robot.waist = waist
+    bench.tracker.says = lambda now: WristTargets(EYE, EYE, now, left_elbow=elbow, right_elbow=-elbow, weights=weights)
+    assert bench.tick().state is LoopState.TRACKING
+    options = bench.service.options[-1]
+    assert options["waist"] is waist
+    assert options["left_elbow"] is elbow
+    np.testing.assert_array_equal(options["right_elbow"], -elbow)
+    assert options["weights"] is weights
+
+
+def test_the_report_tells_the_clearance():
+    bench = Bench()
+    assert bench.tick().clearance is None
+    bench.service.says = lambda q: replace(answer(np.ones(N), status=Status.BLOCKED), clearance=0.012)
+    report = bench.tick()
+    assert (report.state, report.status, report.clearance) == (LoopState.TRACKING, Status.BLOCKED, 0.012)
 
 
 def test_the_first_command_starts_from_the_measured_joints():

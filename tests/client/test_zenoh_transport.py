@@ -8,7 +8,7 @@ import pytest
 from fake_service import FakeService, ZenohFake
 
 from ik_client import BadRequest, IKClient, IKError, ProtocolMismatch, ServiceTimeout, ServiceUnavailable
-from ik_proto import Status
+from ik_proto import MAX_BATCH, Status
 
 zenoh = pytest.importorskip("zenoh")
 
@@ -47,6 +47,20 @@ def test_solve_fk_and_info(service, start_zenoh, endpoint, url):
         np.testing.assert_array_equal(ik.fk(Q).left_wrist[:3, 3], Q[:3])
         assert ik.info().robot == "fake"
         assert ik.boot_id == service.boot_id
+
+
+def test_the_largest_batch_goes_there_and_back_with_all_its_options(service, start_zenoh, endpoint, url):
+    start_zenoh(service, endpoint)
+    poses = np.tile(EYE, (MAX_BATCH, 1, 1))
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (MAX_BATCH, 14))
+    elbows = np.tile([0.0, 0.6, -0.8, 0.5], (MAX_BATCH, 1))
+    options = {"waist": q[:, :3], "left_elbow": elbows, "right_elbow": elbows, "weights": np.ones((MAX_BATCH, 2, 2))}
+    with IKClient(url, timeout=5.0) as ik:
+        reply = ik.solve_batch(poses, poses, q, q, mode="reach", collision="avoid", starts=3, **options)
+    np.testing.assert_array_equal(reply.sol_q, q + 0.1)
+    request = service.requests[-1]
+    for name, value in options.items():
+        np.testing.assert_array_equal(getattr(request, name), value)
 
 
 def test_refusals_and_mistakes_are_those_of_tcp(service, start_zenoh, endpoint, url):

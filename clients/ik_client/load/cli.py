@@ -11,6 +11,7 @@ from pathlib import Path
 
 from ik_client.address import parse_address
 from ik_client.errors import IKError
+from ik_proto import COLLISIONS, MODES
 
 OK, SOME_FAILED, UNUSABLE, INTERRUPTED = 0, 1, 2, 130
 
@@ -34,6 +35,7 @@ examples:
   ik-load tcp://127.0.0.1:12345 --rate 50 --duration 10               one robot
   ik-load zenoh://127.0.0.1:7447 --rate 100 --clients 8               eight robots over Zenoh
   ik-load tcp://127.0.0.1:12345 --closed --workload random            back to back: the most one client can get
+  ik-load tcp://127.0.0.1:12345 --workload random --mode reach        global solves from unrelated joints
   ik-load tcp://127.0.0.1:12345 --rate 200 --json load.json           keep all numbers
 
 exit status:
@@ -85,6 +87,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
                     seed=options.seed,
                     timeout=options.timeout,
                     warmup=options.warmup,
+                    preset=options.preset,
+                    mode=options.mode,
+                    collision=options.collision,
                 ),
                 progress,
             )
@@ -114,6 +119,9 @@ def _parser() -> argparse.ArgumentParser:
     add("--clients", type=_positive(int), default=1, metavar="N", help="clients at once, a connection each [1]")
     add("--closed", action="store_true", help="a client's next request waits for the answer to the one before")
     add("--workload", choices=_WORKLOADS, default="tracking", help="what to ask for [tracking]")
+    add("--preset", metavar="NAME", help="cost to minimise [the service's default]")
+    add("--mode", choices=MODES, help="stay near the joints a solve starts from, or search their whole range [track]")
+    add("--collision", choices=COLLISIONS, help="what to do about self-collision [the service's default]")
     add("--seed", type=int, default=0, metavar="N", help="decides all that is random in the workload [0]")
     add("--timeout", type=_positive(float), default=1.0, metavar="S", help="how long a request may take [1]")
     add("--warmup", type=_at_least_zero, default=0.5, metavar="S", help="how long to send before counting [0.5]")

@@ -14,6 +14,7 @@ from ik_client.errors import IKError, Refused, ServiceTimeout
 from ik_client.load.outcomes import Outcomes
 from ik_client.load.workloads import Workload
 from ik_client.types import Solver
+from ik_proto import Collision, Mode
 
 _LONGEST_SLEEP = 0.1
 """How often a waiting client looks whether it should stop [s]."""
@@ -56,6 +57,8 @@ class Generator:
         schedule: Schedule,
         *,
         good_within: float,
+        mode: Mode | None = None,
+        collision: Collision | None = None,
         stopped: Callable[[], bool] = lambda: False,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
@@ -67,6 +70,8 @@ class Generator:
             workload: What to send.
             schedule: When.
             good_within: Latency up to which an answer counts as good [s].
+            mode: How to solve; None for the protocol's default.
+            collision: What to do about self-collision; None for the service's default.
             stopped: Says when to end early.
             clock: Monotonic time [s].
             sleep: Waits for a number of seconds.
@@ -76,6 +81,8 @@ class Generator:
         self._workload = workload
         self._schedule = schedule
         self._good_within = good_within
+        self._mode: Mode | None = mode
+        self._collision: Collision | None = collision
         self._stopped = stopped
         self._clock = clock
         self._sleep = sleep
@@ -115,7 +122,14 @@ class Generator:
         q = self._q if workload.chained and self._q is not None else workload.q[frame]
         error, reply = None, None
         try:
-            reply = self._ik.solve(workload.left[frame], workload.right[frame], q, 0.0 * q)
+            reply = self._ik.solve(
+                workload.left[frame],
+                workload.right[frame],
+                q,
+                0.0 * q,
+                mode=self._mode,
+                collision=self._collision,
+            )
         except IKError as raised:
             error = raised
         done = self._clock()

@@ -39,7 +39,7 @@ def load_document(result: LoadResult, command: Sequence[str]) -> dict[str, Any]:
             "version": info.version,
             "protocol": info.protocol,
             "kernel": info.kernel,
-            "preset": info.default_preset,
+            "preset": options.preset or info.default_preset,
             "model_hash": info.model_hash,
             "boot_id": info.boot_id,
         },
@@ -82,9 +82,11 @@ def print_report(result: LoadResult, console: Console) -> None:
     outcomes, info, options = result.outcomes, result.info, result.options
     pace = f"{options.rate:g} Hz" if options.rate else "as fast as answered"
     kind = "closed loop" if options.closed else "open loop"
+    asked = ", ".join(word for word in (options.mode, options.collision and f"collision {options.collision}") if word)
     console.print(
         f"{options.url}: {options.clients} x {pace}, {kind}, {options.workload}, {result.measured:.1f} s; "
-        f"{info.robot}, kernel {info.kernel}, service {info.version}",
+        f"{info.robot}, kernel {info.kernel}, preset {options.preset or info.default_preset}, "
+        f"{asked and asked + ', '}service {info.version}",
         soft_wrap=True,
     )
     table = Table(caption="ms; latency since due, round trip since sent")

@@ -17,7 +17,7 @@ from ik_client.client import IKClient
 from ik_client.load.generator import Generator, Schedule
 from ik_client.load.outcomes import Outcomes
 from ik_client.load.workloads import MOST_FRAMES, Workload, make_workload
-from ik_proto import InfoReply
+from ik_proto import Collision, InfoReply, Mode
 
 LATENESS_LIMIT = 0.1
 """Share of the period that the generator's own p99 lateness may take before its numbers are in doubt."""
@@ -42,6 +42,9 @@ class LoadOptions:
         seed: Decides all that is random in it.
         timeout: How long a request may take [s].
         warmup: How long requests are sent before they count [s].
+        preset: Cost to minimise; None for the service's default.
+        mode: How to solve; None for the protocol's default.
+        collision: What to do about self-collision; None for the service's default.
     """
 
     url: str
@@ -53,6 +56,9 @@ class LoadOptions:
     seed: int = 0
     timeout: float = 1.0
     warmup: float = 0.5
+    preset: str | None = None
+    mode: Mode | None = None
+    collision: Collision | None = None
 
     @property
     def period(self) -> float:
@@ -119,7 +125,10 @@ def run_load(options: LoadOptions, progress: Progress) -> LoadResult:
         info = ik.info()
         workload = _prepare(options, ik, progress)
     with contextlib.ExitStack() as stack:
-        clients = [stack.enter_context(IKClient(options.url, timeout=options.timeout)) for _ in range(options.clients)]
+        clients = [
+            stack.enter_context(IKClient(options.url, timeout=options.timeout, preset=options.preset))
+            for _ in range(options.clients)
+        ]
         return _send(options, info, workload, clients, progress)
 
 
@@ -159,6 +168,8 @@ def _send(
                 first=k * len(workload.q) // len(clients),
             ),
             good_within=options.timeout,
+            mode=options.mode,
+            collision=options.collision,
             stopped=stop.is_set,
         )
         for k, ik in enumerate(clients)
