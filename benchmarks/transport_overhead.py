@@ -2,8 +2,8 @@
 
 Real processes over loopback, measured in turns within one run, so that both sides see the same machine:
 
-- TCP: a solve, against an echo behind the same server class, framing and event loop. Same socket code on the client
-  side, no codec in it.
+- TCP: a solve that ignores collisions, against an echo behind the same server class, framing and event loop. Same
+  socket code on the client side, no codec in it.
 - OpenWBT: its client as it is (two sends, Nagle's algorithm on, Python's json), against ours and against a server that
   writes as theirs does.
 - Zenoh: a solve, against a queryable that echoes.
@@ -207,12 +207,12 @@ def summary(times: np.ndarray) -> dict[str, float]:
 def requests(count: int) -> list[SolveRequest]:
     """Tracking frames, each starting from the solution of the one before."""
     engine = Engine.build(Config(), "", "")
-    solver = engine.solvers["openwbt"]
+    solver = engine.solvers[engine.about.default_preset]
     workload = tracking(engine.robot, count)
     made, q = [], workload.first
     for index, (left, right) in enumerate(zip(workload.left, workload.right, strict=True)):
         made.append(SolveRequest(left_wrist=left, right_wrist=right, q=q, dq=np.zeros(len(q)), id=index + 1))
-        q = solver.solve(left, right, q).q
+        q = solver.solve(left, right, q, collision="off").q
     return made
 
 
@@ -240,6 +240,7 @@ def measure(rounds: int, placement: str) -> dict[str, Any]:
     with ExitStack() as stack:
         os.sched_setaffinity(0, of_servers)  # a process starts with the cores of its parent
         serve = ("serve", "--tcp", "127.0.0.1:0", "--zenoh", "tcp/127.0.0.1:0", "--http", "off", "--log-format", "json")
+        serve += ("--collision", "off")  # the messages are what is measured, not what a solve takes
         ready = json.loads(stack.enter_context(process("-m", "ik_service", *serve)))
         echo, zenoh_echo, theirs = (stack.enter_context(process(__file__, "--role", role)) for role in ROLES_IN_ORDER)
         os.sched_setaffinity(0, of_client)

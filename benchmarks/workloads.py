@@ -4,6 +4,9 @@
 - cold: a reachable target and an unrelated start, both within 95 % of the limits.
 - unreachable: smooth motion with a nearly straight elbow, wrist positions stretched to 1.3 times their distance from
   the shoulder; each frame starts from the previous solution.
+- crossing: both hands sweep across the midline at the same height and depth, so that they pass through each other and
+  through the place of the other arm; reachable for each arm alone, not for a body; each frame starts from the
+  previous solution.
 """
 
 from dataclasses import dataclass
@@ -24,7 +27,7 @@ class Workload:
     """A sequence of problems.
 
     Attributes:
-        name: "tracking", "cold" or "unreachable".
+        name: "tracking", "cold", "unreachable" or "crossing"; or what the maker of another one calls it.
         left: Targets of the left wrist in the base frame, shape (N, 4, 4).
         right: Targets of the right wrist in the base frame, shape (N, 4, 4).
         starts: Joint positions of the request [rad], shape (N, nq); None where frame k starts from the solution of
@@ -73,6 +76,44 @@ def unreachable(robot: Robot, frames: int = 500, seed: int = 3) -> Workload:
     for targets, arm in zip((left, right), robot.arms, strict=True):
         targets[:, :3, 3] = arm.shoulder + OUT_OF_REACH * (targets[:, :3, 3] - arm.shoulder)
     return Workload("unreachable", left, right, starts=None, first=q[0])
+
+
+CROSSINGS_HZ = 0.2
+"""Sweeps of `crossing` there and back a second [Hz]."""
+
+
+def crossing(robot: Robot, frames: int = 400) -> Workload:
+    """Both hands in front of the chest, sweeping through each other; the right arm mirrors the left."""
+    t = np.arange(frames) * PERIOD
+    sweep = np.cos(2.0 * np.pi * CROSSINGS_HZ * t)
+    height = np.sin(2.0 * np.pi * 0.07 * t)
+    postures = {  # of the left arm, on its own side and beyond the midline, and by how much the height changes [rad]
+        "shoulder_pitch": (-0.7, -1.0, 0.1),
+        "shoulder_roll": (0.2, -0.3, 0.0),
+        "shoulder_yaw": (0.2, -1.0, 0.0),
+        "elbow": (0.5, 0.8, -0.1),
+    }
+    q = np.zeros((frames, robot.nq))
+    for i, name in enumerate(robot.joint_names):
+        side, joint = name.removesuffix("_joint").split("_", 1)
+        own, beyond, lift = postures.get(joint, (0.0, 0.0, 0.0))
+        angle = (own + beyond) / 2.0 + (own - beyond) / 2.0 * sweep + lift * height
+        q[:, i] = -angle if side == "right" and joint.endswith(("roll", "yaw")) else angle
+    return Workload("crossing", *_wrists(robot, q), starts=None, first=q[0])
+
+
+def along(robot: Robot, name: str, q: np.ndarray) -> Workload:
+    """A workload whose targets are the wrist poses of a recorded path.
+
+    Args:
+        robot: The robot.
+        name: The workload's name.
+        q: Joint positions of the path, one row a frame [rad], shape (N, nq), within the limits.
+
+    Returns:
+        The workload; each frame starts from the previous solution.
+    """
+    return Workload(name, *_wrists(robot, q), starts=None, first=q[0])
 
 
 def _inside(robot: Robot, share: float) -> tuple[np.ndarray, np.ndarray]:
