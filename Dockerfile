@@ -18,7 +18,10 @@ RUN pip install --no-cache-dir ".[all]" && useradd --create-home ik && install -
 USER ik
 ENV OMP_NUM_THREADS=1 MUJOCO_GL=egl
 EXPOSE 12345 7447
+# The kernel takes some ten seconds to compile: here rather than at the first start. On another processor it is compiled
+# again, then and there.
+RUN ik-service info
 
-HEALTHCHECK --interval=5s --timeout=3s --start-period=20s \
+HEALTHCHECK --interval=5s --timeout=3s --start-period=60s \
     CMD ["ik-service", "healthcheck"]
 CMD ["ik-service", "serve"]

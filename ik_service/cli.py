@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ik_proto.robots import RobotError
 from ik_service.addresses import AddressError, AddressInUse, HostPort
-from ik_service.config import CHOICES, DEFAULT_HTTP, Config, ConfigError, load_config
+from ik_service.config import CHOICES, DEFAULT_HTTP, DEFAULT_PRESET, Config, ConfigError, load_config
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_ADDRESS_IN_USE = 0, 1, 2, 3
 
@@ -28,6 +28,7 @@ exit codes:
 _SERVE_EPILOG = f"""\
 examples:
   ik-service serve                                the G1, on loopback, TCP and Zenoh
+  ik-service serve --preset openwbt               the cost of OpenWBT's own server
   ik-service serve --zenoh off --smooth openwbt   for OpenWBT clients that expect filtered answers
   ik-service serve --robot my_robot.toml          another robot: a TOML beside its URDF or MJCF
   ik-service serve --config service.toml --log-format json
@@ -93,6 +94,8 @@ def _info(options: dict) -> int:
         ("protocol", str(about.protocol)),
         ("version", about.version),
         ("presets", ", ".join(about.presets) + f" (default {about.default_preset})"),
+        ("collision", f"{engine.collision}, margin {1e3 * about.margin:g} mm, {len(about.capsules)} capsules"),
+        ("waist", ", ".join(about.waist_joints) or "none"),
         ("kernel", about.kernel + (f" ({engine.kernel_note})" if engine.kernel_note else "")),
         ("tcp", config.tcp),
         ("zenoh", config.zenoh),
@@ -192,7 +195,12 @@ def _add_solver_options(command: argparse.ArgumentParser) -> None:
         metavar="NAME|PATH",
         help=f"packaged robot, or a description beside a URDF or MJCF ({defaults.robot})",
     )
-    command.add_argument("--preset", metavar="NAME", help=f"cost used when a request names none ({defaults.preset})")
+    command.add_argument("--preset", metavar="NAME", help=f"cost used when a request names none ({DEFAULT_PRESET})")
+    command.add_argument(
+        "--collision",
+        choices=CHOICES["collision"],
+        help=f"what is done about self-collision when a request does not say ({defaults.collision})",
+    )
     command.add_argument(
         "--kernel",
         choices=CHOICES["kernel"],

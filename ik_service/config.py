@@ -10,14 +10,19 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from ik_proto import COLLISIONS, Collision
 from ik_proto.limits import DEFAULT_TCP, DEFAULT_ZENOH
 from ik_service.addresses import AddressError, HostPort, locator_host
 
 DEFAULT_HTTP = "127.0.0.1:12380"
 """Where health checks and metrics are served unless told otherwise [host:port]."""
 
+DEFAULT_PRESET = "precise"
+"""The preset of requests that name none, where the robot has it."""
+
 OFF = "off"
 CHOICES = {
+    "collision": COLLISIONS,
     "smooth": ("none", "openwbt"),
     "kernel": ("auto", "c", "vm"),
     "log_format": ("auto", "json", "console"),
@@ -35,7 +40,8 @@ class Config:
 
     Attributes:
         robot: Packaged robot's name, or path of a description.
-        preset: Cost used when a request names none.
+        preset: Cost used when a request names none; empty for `DEFAULT_PRESET`, or the only one of a robot without it.
+        collision: What is done about self-collision when a request does not say: "off", "report" or "avoid".
         tcp: TCP JSON address [host:port], or "off".
         zenoh: Zenoh locator to listen on, or "off".
         zenoh_connect: Locator of a Zenoh router to join; empty for none.
@@ -50,7 +56,8 @@ class Config:
     """
 
     robot: str = "g1"
-    preset: str = "openwbt"
+    preset: str = ""
+    collision: Collision = "avoid"
     tcp: str = DEFAULT_TCP
     zenoh: str = DEFAULT_ZENOH
     zenoh_connect: str = ""

@@ -1,4 +1,4 @@
-"""The daemon: one process, one event loop, up to three front ends on the same engine.
+"""The daemon: one process, one event loop, up to three front ends on the same engine, one worker for what takes long.
 
 Start: build and warm the engine, open TCP and Zenoh, then HTTP, then say "ready" with the bound addresses.
 Stop, on SIGTERM or SIGINT: not ready any more, accept nothing new, answer what has arrived, close; within two seconds.
@@ -21,12 +21,14 @@ from typing import TYPE_CHECKING, Any
 from ik_proto import JSON
 from ik_service.addresses import HostPort
 from ik_service.config import OFF, Config
+from ik_service.dispatcher import Dispatcher
 from ik_service.engine import Engine
 from ik_service.logs import configure_logs, is_json, log, values
 from ik_service.metrics import Metrics
 from ik_service.openwbt import OpenwbtConnection
 from ik_service.service import Service
 from ik_service.tcp_server import Answer, TcpServer
+from ik_service.worker import Worker
 
 if TYPE_CHECKING:
     import zenoh
@@ -94,6 +96,7 @@ class Daemon:
         self._config = config
         self._session_config = session_config
         self._engine = engine
+        self._worker, self._worker_engine = Worker(), engine.copy()
         about = engine.about
         self._metrics = Metrics(
             {"version": about.version, "robot": about.robot, "kernel": about.kernel, "boot_id": about.boot_id}
@@ -127,7 +130,7 @@ class Daemon:
             from ik_service.zenoh_server import ZenohServer
 
             self._zenoh = ZenohServer.open(self._session_config, about.robot, about.boot_id)
-            self._zenoh.start(partial(self._service, "zenoh"))
+            self._zenoh.start(lambda: self._dispatcher(self._service("zenoh"), "zenoh"))
             addresses["zenoh"] = " ".join(self._zenoh.locators)
         if config.http != OFF:
             # Its packages take half a second to import. In a thread, so that robots are served meanwhile.
@@ -148,10 +151,12 @@ class Daemon:
             await self._tcp.stop()
         if self._http is not None:
             await self._http.stop()
-        if not zenoh_closed:
-            # Zenoh waits up to 10 s for a client that hangs, and again when the interpreter drops the session. All of
-            # ours is closed, so leave without it.
-            log.warning("Zenoh session did not close in time, leaving it")
+        worker_done = self._worker.stop(0.0)
+        if not zenoh_closed or not worker_done:
+            # Zenoh waits up to 10 s for a client that hangs, and again when the interpreter drops the session; and an
+            # interpreter cannot be taken down under a thread that computes. All of ours is closed, so leave without
+            # them.
+            log.warning("leaving work behind", extra=values(zenoh_closed=zenoh_closed, worker_done=worker_done))
             sys.stdout.flush()
             sys.stderr.flush()
             os._exit(0)
@@ -159,15 +164,21 @@ class Daemon:
     def _service(self, front_end: str) -> Service:
         return Service(self._engine.copy(), self._metrics.meter(front_end))
 
+    def _dispatcher(self, service: Service, front_end: str) -> Dispatcher:
+        patient = Service(self._worker_engine, self._metrics.meter(front_end))
+        return Dispatcher(service, patient, self._worker)
+
     def _tcp_server(self) -> TcpServer:
         config, service = self._config, self._service("tcp")
         smooth, lag = config.smooth == "openwbt", config.openwbt_lag
 
+        answer: Answer = partial(self._dispatcher(service, "tcp").answer, codec=JSON)
+
         def plain() -> Answer:
-            return partial(service.handle_bytes, codec=JSON)
+            return answer
 
         def openwbt() -> Answer:
-            return OpenwbtConnection(service, smooth, lag).answer
+            return OpenwbtConnection(service, answer, smooth, lag).answer
 
         connection_answer: Callable[[], Answer] = openwbt if smooth or lag else plain
         server = TcpServer(connection_answer, partial(service.refuse_bytes, codec=JSON))

@@ -4,12 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ik_proto import PROTOCOL_VERSION, InfoReply, SolveRequest, Status
+from ik_proto import PROTOCOL_VERSION, Collision, InfoReply, SolveRequest, Status
 from ik_proto.robots import RobotDescription, load_description
 from ik_proto.smoothing import WeightedMovingFilter
-from ik_service.config import Config, ConfigError
+from ik_service.config import DEFAULT_PRESET, Config, ConfigError
+from ik_service.gauge import Gauge
 from ik_service.kernel import load_kernel
-from ik_service.objective import Preset
+from ik_service.preset import Preset
 from ik_service.robot import Robot
 from ik_service.solver import Solution, Solver
 
@@ -21,13 +22,17 @@ class Engine:
     Attributes:
         robot: Kinematics and gravity.
         solvers: One for each preset, by name.
+        gauge: Measures joint positions that no solver found.
         about: The answer to `info`.
+        collision: What requests that do not say get: "off", "report" or "avoid".
         kernel_note: Why the kernel is not what one would expect; empty when it is.
     """
 
     robot: Robot
     solvers: dict[str, Solver]
+    gauge: Gauge
     about: InfoReply
+    collision: Collision = "avoid"
     kernel_note: str = ""
 
     @classmethod
@@ -35,7 +40,7 @@ class Engine:
         """Load what the settings name.
 
         Args:
-            config: The settings: robot, preset, kernel.
+            config: The settings: robot, preset, collision, kernel.
             boot_id: Random name of this run.
             version: Version of the service.
 
@@ -44,29 +49,33 @@ class Engine:
 
         Raises:
             RobotError: The robot cannot be loaded, or has no such preset.
-            ConfigError: The compiled kernel was asked for and cannot be had.
+            ConfigError: No preset is named and it is not plain which to take, or the compiled kernel was asked for and
+                cannot be had.
         """
         description = load_description(config.robot)
         robot = Robot.load(description)
-        Preset.of(description, config.preset)  # says in one line that there is no such preset
+        default = _default_preset(description, config.preset)
         presets = [Preset.of(description, name) for name in description.presets]
-        kernels = [load_kernel(robot, preset, compiled=config.kernel != "vm") for preset in presets]
-        note = next((kernel.note for kernel in kernels if kernel.note), "")
-        kind = "c" if all(kernel.kind == "c" for kernel in kernels) else "vm"
-        if config.kernel == "c" and kind != "c":
-            raise ConfigError(f"--kernel c is not possible here: {note}")
+        kernel = load_kernel(robot, compiled=config.kernel != "vm")
+        if config.kernel == "c" and kernel.kind != "c":
+            raise ConfigError(f"--kernel c is not possible here: {kernel.note}")
         return cls(
             robot,
-            {kernel.preset.name: Solver(robot, kernel) for kernel in kernels},
-            _about(description, robot, config.preset, kind, boot_id, version),
-            note,
+            {preset.name: Solver(robot, kernel, preset) for preset in presets},
+            Gauge(robot, kernel),
+            _about(description, robot, default, kernel.kind, boot_id, version),
+            config.collision,
+            kernel.note,
         )
 
     def copy(self) -> "Engine":
-        """Make an engine for another thread; the kernels are shared."""
+        """Make an engine for another thread; the kernel is shared."""
         robot = self.robot.copy()
         return replace(
-            self, robot=robot, solvers={name: Solver(robot, solver.kernel) for name, solver in self.solvers.items()}
+            self,
+            robot=robot,
+            solvers={name: Solver(robot, solver.kernel, solver.preset) for name, solver in self.solvers.items()},
+            gauge=self.gauge.copy(),
         )
 
     def warm_up(self) -> None:
@@ -74,31 +83,54 @@ class Engine:
         q = np.clip(np.zeros(self.robot.nq), self.robot.lower, self.robot.upper)
         left, right = self.robot.fk(q)
         for solver in self.solvers.values():
-            solver.solve(left, right, q)
+            solver.solve(left, right, q, collision=self.collision)
 
-    def smoothed(self, solution: Solution, request: SolveRequest, smoothing: WeightedMovingFilter) -> Solution:
+    def smoothed(
+        self, solution: Solution, request: SolveRequest, collision: Collision, smoothing: WeightedMovingFilter
+    ) -> Solution:
         """Filter a solution, and tell the truth about the filtered one.
+
+        A mean of safe postures need not be safe. Where collisions are avoided and the filter would take clearance away
+        that the margin asks for, the solution stays as it is.
 
         Args:
             solution: A solution that may be followed.
             request: What it solves.
+            collision: What the request wants done about collisions.
             smoothing: The filter, which takes the solution's q as its next sample.
 
         Returns:
-            The filtered joints, with their own errors and torques. Its status still says whether the target was
-            reached.
+            The filtered joints, with their own errors, torques and clearance. Its status still says whether the target
+            was reached.
         """
         robot = self.robot
         # A mean of values within the limits is within them, but for rounding.
         q = np.clip(smoothing(solution.q), robot.lower, robot.upper)
-        position_error, rotation_error = robot.wrist_errors(q, request.left_wrist, request.right_wrist)
+        measured = self.gauge.measure(request.left_wrist, request.right_wrist, q, collision, request.waist)
+        if collision == "avoid" and measured.clearance < min(robot.collision.margin, solution.clearance):
+            return solution
         return replace(
             solution,
             q=q,
-            tau=robot.gravity_torque(q),
-            position_error=position_error,
-            rotation_error=rotation_error,
+            tau=measured.tau,
+            position_error=measured.position_error,
+            rotation_error=measured.rotation_error,
+            clearance=measured.clearance,
+            nearest=measured.nearest,
         )
+
+
+def _default_preset(description: RobotDescription, wanted: str) -> str:
+    """The preset of requests that name none; an empty wish stands for `DEFAULT_PRESET` or the robot's only one."""
+    presets = list(description.presets)
+    if not wanted and DEFAULT_PRESET not in presets:
+        if len(presets) != 1:
+            known = ", ".join(sorted(presets)) or "none"
+            raise ConfigError(
+                f"robot {description.name} has no preset {DEFAULT_PRESET}: name one with --preset ({known})"
+            )
+        return presets[0]
+    return Preset.of(description, wanted or DEFAULT_PRESET).name  # says in one line that there is no such preset
 
 
 def _about(
@@ -122,4 +154,7 @@ def _about(
         presets=list(description.presets),
         default_preset=preset,
         kernel=kernel,
+        waist_joints=list(robot.waist.joint_names),
+        margin=robot.collision.margin,
+        capsules=[capsule.name for capsule in robot.collision.capsules],
     )

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 
 from ik_proto import Status
 
-REQUEST_BUCKETS = (10e-6, 20e-6, 40e-6, 70e-6, 120e-6, *(200e-6 * 1.6**n for n in range(15)))
-"""Upper bounds of the request histogram [s]: fine where the service should be, then 0.2 ms x 1.6^n up to 0.14 s."""
+REQUEST_BUCKETS = (10e-6, 20e-6, 40e-6, 70e-6, 120e-6, *(200e-6 * 1.6**n for n in range(20)))
+"""Upper bounds of the request histogram [s]: fine where the service should be, then 0.2 ms x 1.6^n up to 1.5 s."""
 
 SOLVE_BUCKETS = (
     2e-6,
@@ -31,8 +31,13 @@ SOLVE_BUCKETS = (
     1e-3,
     2e-3,
     5e-3,
+    10e-3,
+    20e-3,
+    50e-3,
+    100e-3,
 )
-"""Upper bounds of the solve histogram [s]: compiled kernels take about 10 us, interpreted ones about 100 us."""
+"""Upper bounds of the solve histogram [s]: compiled kernels take about 10 us, interpreted ones about 100 us, either ten
+times as long to avoid a collision and up to a thousand times in mode `reach`."""
 
 
 class Histogram:
@@ -64,7 +69,7 @@ class Meter:
     Attributes:
         front_end: "tcp" or "zenoh".
         requests: Time from a request's bytes to its reply's bytes.
-        solves: Time inside the solver.
+        solves: Time inside the solver, of single solves.
         outcomes: Replies by status.
     """
 

@@ -42,7 +42,9 @@ class MetricsPage(Collector):
         latency = HistogramMetricFamily(
             "ik_request_seconds", "Time from a request's bytes to its reply's bytes.", labels=["front_end"]
         )
-        solves = HistogramMetricFamily("ik_solve_seconds", "Time inside the solver.", labels=["front_end"])
+        solves = HistogramMetricFamily(
+            "ik_solve_seconds", "Time inside the solver, of single solves.", labels=["front_end"]
+        )
         for front_end in dict.fromkeys(meter.front_end for meter in self._metrics.meters):
             meters = [meter for meter in self._metrics.meters if meter.front_end == front_end]
             for status in Status:

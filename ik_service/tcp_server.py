@@ -1,6 +1,8 @@
 """Length-prefixed messages over TCP, answered in the event loop: a solve is shorter than any hand-off to a worker.
 
 - Any number of frames may arrive in one read, in any fragments; they are answered in order, one write each.
+- An answer may come later, from another thread. Until then what else arrived on that connection waits, and once much
+  of it does, the connection is not read. Other connections do not notice.
 - `TCP_NODELAY` is set, and on Linux `TCP_QUICKACK` again on every read: a client that sends header and body separately
   with Nagle's algorithm on, as OpenWBT's does, waits 40 ms for a delayed acknowledgement otherwise.
 - A body that is no request gets an error reply and the connection stays open. A length beyond the limit gets an error
@@ -8,23 +10,27 @@
 - A connection beyond the limit gets the reply `overloaded` and is closed.
 - A frame that has begun and does not complete in time, or a client that never reads its replies, closes the connection
   without a reply.
+- A client that closes its end is gone: an answer that is still to come is cancelled.
 - An idle connection stays open.
 
 What answers a body is a function, so the same server serves a bare echo in the benchmark.
 """
 
 import asyncio
+import contextlib
 import errno
 import socket
+from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import cast
 
-from ik_proto import FrameDecoder, FrameTooLarge, Status, encode_frame
+from ik_proto import MAX_FRAME_BYTES, FrameDecoder, FrameTooLarge, Status, encode_frame
 from ik_service.addresses import AddressInUse, HostPort
 from ik_service.logs import log, values
 
-Answer = Callable[[bytes], bytes]
+Answer = Callable[[bytes], bytes | Future[bytes]]
 Refuse = Callable[[Status, str], bytes]
 
 _QUICKACK = getattr(socket, "TCP_QUICKACK", None)
@@ -36,14 +42,16 @@ class TcpLimits:
 
     Attributes:
         connections: Connections served at a time.
-        unread_bytes: Replies that may wait in memory for a client to read them [bytes].
+        unread_bytes: Replies that may wait in memory for a client to read them [bytes]; fits two of the largest.
+        waiting_bytes: Requests that may wait in memory for an answer that comes later, before no more are read [bytes].
         frame_s: Time a frame may take from its first to its last byte [s].
         linger_s: Time a refused client has to read its last reply [s].
         backlog: Connections that may wait to be accepted.
     """
 
     connections: int = 64
-    unread_bytes: int = 256 * 1024
+    unread_bytes: int = 2 * MAX_FRAME_BYTES
+    waiting_bytes: int = MAX_FRAME_BYTES
     frame_s: float = 5.0
     linger_s: float = 1.0
     backlog: int = 1024
@@ -58,8 +66,8 @@ class TcpServer:
         """Take what answers.
 
         Args:
-            connection_answer: Called once a connection; gives the function that turns a body into a reply body and
-                never raises.
+            connection_answer: Called once a connection; gives the function that turns a body into a reply body, or
+                into one to come, and never raises.
             refuse: Makes the reply body for a status and a message.
             limits: Other than the defaults.
         """
@@ -100,7 +108,8 @@ class TcpServer:
         """Accept nothing new, answer what has arrived, close.
 
         Args:
-            grace_s: Time for frames that have begun to complete, and again for replies to be read [s].
+            grace_s: Time for frames that have begun to complete and for answers to come, and again for replies to be
+                read [s].
         """
         loop = asyncio.get_running_loop()
         if self._server is not None:
@@ -109,7 +118,7 @@ class TcpServer:
         for _ in range(2):
             await asyncio.sleep(0)
         deadline = loop.time() + grace_s
-        while any(connection.has_begun_frame for connection in self._connections) and loop.time() < deadline:
+        while any(connection.busy for connection in self._connections) and loop.time() < deadline:
             await asyncio.sleep(0.005)
         for connection in list(self._connections):
             connection.close()
@@ -142,6 +151,9 @@ class _Connection(asyncio.Protocol):
         self._answer = answer
         self._limits = server.limits
         self._decoder = FrameDecoder()
+        self._waiting: deque[bytes] = deque()
+        self._coming: Future[bytes] | None = None
+        self._fault: FrameTooLarge | None = None
         self.refused = False
         self._timer: asyncio.TimerHandle | None = None
 
@@ -159,18 +171,15 @@ class _Connection(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         if _QUICKACK is not None:
             self._socket.setsockopt(socket.IPPROTO_TCP, _QUICKACK, 1)
-        if self.refused:
+        if self.refused or self._fault is not None:
             return
-        fault = None
         try:
             bodies = self._decoder.feed(data)
         except FrameTooLarge as error:
-            bodies, fault = error.frames_before, error
-        for body in bodies:
-            self._transport.write(encode_frame(self._answer(body)))
-        if fault is not None:
-            self._refuse(Status.BAD_REQUEST, str(fault))
-        elif bodies or self._timer is None:
+            bodies, self._fault = error.frames_before, error
+        self._waiting += bodies
+        self._answer_in_order()
+        if not self.refused and (bodies or self._timer is None):
             self._time_frame()
 
     def pause_writing(self) -> None:
@@ -185,14 +194,17 @@ class _Connection(asyncio.Protocol):
     def connection_lost(self, exc: Exception | None) -> None:
         if exc is not None:
             log.debug("connection broke", extra=values(reason=str(exc)))
+        if self._coming is not None:
+            self._coming.cancel()
+        self._waiting.clear()
         self._cancel_timer()
         self._socket.detach()
         self._server.forget(self)
 
     @property
-    def has_begun_frame(self) -> bool:
-        """Whether part of a request has arrived."""
-        return self._decoder.pending and not self.refused
+    def busy(self) -> bool:
+        """Whether part of a request has arrived, or an answer is to come."""
+        return not self.refused and (self._decoder.pending or self._coming is not None)
 
     def close(self) -> None:
         """Close once the replies written so far are sent."""
@@ -201,6 +213,40 @@ class _Connection(asyncio.Protocol):
     def abort(self) -> None:
         """Close at once."""
         self._transport.abort()
+
+    def _answer_in_order(self) -> None:
+        """Answer what waits, up to the first answer that comes later."""
+        while self._waiting and self._coming is None:
+            reply = self._answer(self._waiting.popleft())
+            if isinstance(reply, bytes):
+                self._transport.write(encode_frame(reply))
+            else:
+                self._coming = reply
+                reply.add_done_callback(self._announce)
+        if self._coming is None:
+            if self._fault is not None:
+                self._refuse(Status.BAD_REQUEST, str(self._fault))
+        elif sum(map(len, self._waiting)) > self._limits.waiting_bytes:
+            self._transport.pause_reading()
+
+    def _announce(self, reply: Future[bytes]) -> None:
+        """Take a reply from the thread that made it to the loop, if that still runs."""
+        with contextlib.suppress(RuntimeError):
+            self._loop.call_soon_threadsafe(self._reply, reply)
+
+    def _reply(self, reply: Future[bytes]) -> None:
+        self._coming = None
+        if reply.cancelled() or self._transport.is_closing():
+            return
+        if (fault := reply.exception()) is not None:
+            log.error("no answer was made, connection dropped", exc_info=fault)
+            self.abort()
+            return
+        self._transport.write(encode_frame(reply.result()))
+        self._answer_in_order()
+        if self._coming is None and not self.refused and not self._transport.is_closing():
+            self._transport.resume_reading()
+            self._time_frame()
 
     def _refuse(self, status: Status, message: str) -> None:
         """Say why, then close: after the client does, or after a while.
@@ -215,9 +261,9 @@ class _Connection(asyncio.Protocol):
         self._timer = self._loop.call_later(self._limits.linger_s, self.abort)
 
     def _time_frame(self) -> None:
-        """Give the frame that has begun, if one has, its time to complete."""
+        """Give the frame that has begun, if one has, its time to complete; not while it may go unread."""
         self._cancel_timer()
-        if self._decoder.pending:
+        if self._decoder.pending and self._coming is None:
             self._timer = self._loop.call_later(self._limits.frame_s, self._frame_is_late)
 
     def _frame_is_late(self) -> None:

@@ -5,7 +5,8 @@ Zenoh finds first. The liveliness token `ik/<robot>/alive/<boot_id>` says that t
 balance load: a client picks a live replica and fails over to another.
 
 Each queryable is a FIFO and a thread of its own: a Python callback would block its link while it works, and keeps the
-interpreter from exiting. The session is a peer with scouting, gossip and shared memory off; what a passed-through
+interpreter from exiting. What takes long is answered from the worker's thread, after later queries if need be. The
+session is a peer with scouting, gossip and shared memory off; what a passed-through
 configuration sets, wins.
 """
 
@@ -13,6 +14,8 @@ import json
 import socket
 import threading
 from collections.abc import Callable
+from concurrent.futures import Future, wait
+from functools import partial
 from pathlib import Path
 
 import zenoh
@@ -20,8 +23,8 @@ import zenoh
 from ik_proto import MAX_FRAME_BYTES, MSGPACK, Status
 from ik_service.addresses import AddressInUse, HostPort, locator_host
 from ik_service.config import ConfigError
+from ik_service.dispatcher import Dispatcher
 from ik_service.logs import log, values
-from ik_service.service import Service
 
 _QUEUED_QUERIES = 256
 """A full queue would block the link that feeds it, so it is deep."""
@@ -32,7 +35,7 @@ _OURS = {
     "scouting/gossip/enabled": False,
     "transport/shared_memory/enabled": False,
     "transport/link/tx/lease": 2000,  # [ms] Zenoh's own 10 s is too long to find out that a client is gone.
-    "transport/link/rx/max_message_size": 1 << 20,
+    "transport/link/rx/max_message_size": 2 * MAX_FRAME_BYTES,  # a body that is too large is answered, not dropped
 }
 """What we set where the user's configuration leaves Zenoh's default."""
 
@@ -55,6 +58,7 @@ class ZenohServer:
         self._boot_id = boot_id
         self._queryables: list[zenoh.Queryable] = []
         self._pumps: list[threading.Thread] = []
+        self._coming: set[Future[bytes]] = set()
         self._token = None
         self._alive = f"ik/{robot}/alive/{boot_id}"
 
@@ -83,17 +87,17 @@ class ZenohServer:
             raise ConfigError(f"Zenoh cannot listen on {' '.join(locators)}: {_brief(error)}") from None
         return cls(session, locators, robot, boot_id)
 
-    def start(self, make_service: Callable[[], Service]) -> None:
+    def start(self, make_dispatcher: Callable[[], Dispatcher]) -> None:
         """Begin to answer.
 
         Args:
-            make_service: Makes a service for one thread; called once for each queryable.
+            make_dispatcher: Makes what answers in one thread; called once for each queryable.
         """
         for key in (f"{self._rpc}/{self._boot_id}", self._rpc):
             # complete=True: of several replicas on one key exactly one is asked, not all.
             queryable = self._session.declare_queryable(key, zenoh.handlers.FifoChannel(_QUEUED_QUERIES), complete=True)
             pump = threading.Thread(
-                target=_pump, args=(queryable.handler, key, make_service()), name=f"zenoh {key}", daemon=True
+                target=self._pump, args=(queryable.handler, key, make_dispatcher()), name=f"zenoh {key}", daemon=True
             )
             self._queryables.append(queryable)
             self._pumps.append(pump)
@@ -101,7 +105,7 @@ class ZenohServer:
         self._token = self._session.liveliness().declare_token(self._alive)
 
     def stop(self, timeout_s: float = 1.0) -> bool:
-        """Take the token back, answer what is queued, close.
+        """Take the token back, answer what has arrived, close.
 
         Args:
             timeout_s: Longest time to wait [s]. Closing can block for 10 s when a client hangs.
@@ -121,30 +125,47 @@ class ZenohServer:
             queryable.undeclare()
         for pump in self._pumps:
             pump.join()
+        wait(tuple(self._coming))
         self._session.close()
 
-
-def _pump(queries: zenoh.handlers.Handler[zenoh.Query], key: str, service: Service) -> None:
-    """Answer queries until the queryable is undeclared and its queue empty."""
-    while True:
-        try:
-            query = queries.recv()
-        except zenoh.ZError:  # the channel is empty and closed
-            return
-        with query:  # a query that is not dropped leaves its client waiting
+    def _pump(self, queries: zenoh.handlers.Handler[zenoh.Query], key: str, dispatcher: Dispatcher) -> None:
+        """Answer queries until the queryable is undeclared and its queue empty."""
+        while True:
             try:
-                query.reply(key, _answer(service, query.payload))
-            except zenoh.ZError as error:
-                log.warning("reply not sent", extra=values(key=key, reason=_brief(error)))
+                query = queries.recv()
+            except zenoh.ZError:  # the channel is empty and closed
+                return
+            reply = _answer(dispatcher, query.payload)
+            if isinstance(reply, bytes):
+                _reply(query, key, reply)
+            else:
+                self._coming.add(reply)
+                reply.add_done_callback(partial(self._came, query, key))
+
+    def _came(self, query: zenoh.Query, key: str, reply: Future[bytes]) -> None:
+        """Send what the worker made; its thread calls."""
+        if reply.cancelled() or reply.exception() is not None:
+            query.drop()
+        else:
+            _reply(query, key, reply.result())
+        self._coming.discard(reply)
 
 
-def _answer(service: Service, payload: zenoh.ZBytes | None) -> bytes:
+def _reply(query: zenoh.Query, key: str, body: bytes) -> None:
+    with query:  # a query that is not dropped leaves its client waiting
+        try:
+            query.reply(key, body)
+        except zenoh.ZError as error:
+            log.warning("reply not sent", extra=values(key=key, reason=_brief(error)))
+
+
+def _answer(dispatcher: Dispatcher, payload: zenoh.ZBytes | None) -> bytes | Future[bytes]:
     if payload is None:
-        return service.refuse_bytes(Status.BAD_REQUEST, "the query carries no request", MSGPACK)
+        return dispatcher.refuse(Status.BAD_REQUEST, "the query carries no request", MSGPACK)
     if len(payload) > MAX_FRAME_BYTES:
         message = f"request of {len(payload)} bytes, at most {MAX_FRAME_BYTES} are accepted"
-        return service.refuse_bytes(Status.BAD_REQUEST, message, MSGPACK)
-    return service.handle_bytes(payload.to_bytes(), MSGPACK)
+        return dispatcher.refuse(Status.BAD_REQUEST, message, MSGPACK)
+    return dispatcher.answer(payload.to_bytes(), MSGPACK)
 
 
 def zenoh_config(locator: str, connect: str = "", file: str = "") -> zenoh.Config:

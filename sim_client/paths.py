@@ -1,7 +1,7 @@
 """Scripted paths for two wrists, sized to the robot's own arms.
 
-Every path is a smooth function of time that starts at rest, stays within reach and in front of the body, and is the
-same for both sides, mirrored. Positions are multiples of the reach, from the shoulder: forward, outward, up. The palms
+Every path is a smooth function of time that starts at rest, stays within reach and clear of the body, and is the same
+for both sides, mirrored. Positions are multiples of the reach, from the shoulder: forward, outward, up. The palms
 face each other when the rotation is the identity, as in the zero posture of the G1.
 """
 
@@ -23,7 +23,7 @@ _Outline = Callable[[float], tuple[Array, Array]]
 def _circles(phase: float) -> tuple[Array, Array]:
     """Both hands draw circles in a plane in front of the chest."""
     angle = 2.0 * np.pi * phase / 5.0
-    position = np.array([0.66, 0.06 + 0.23 * np.cos(angle), -0.27 + 0.23 * np.sin(angle)])
+    position = np.array([0.66, 0.25 + 0.20 * np.cos(angle), -0.27 + 0.20 * np.sin(angle)])
     return position, np.array([0.0, -0.25, 0.0])
 
 
@@ -31,7 +31,7 @@ def _reach(phase: float) -> tuple[Array, Array]:
     """Both hands reach forward and draw back, rising and sinking more slowly."""
     stroke = np.sin(2.0 * np.pi * phase / 3.0 - np.pi / 2.0)
     lift = np.sin(2.0 * np.pi * phase / 7.0)
-    return np.array([0.68 + 0.16 * stroke, 0.0, -0.30 + 0.14 * lift]), np.array([0.0, -0.2 - 0.2 * lift, 0.0])
+    return np.array([0.66 + 0.12 * stroke, 0.15, -0.30 + 0.14 * lift]), np.array([0.0, -0.2 - 0.2 * lift, 0.0])
 
 
 def _wave(phase: float) -> tuple[Array, Array]:

@@ -61,6 +61,7 @@ class SimRobot:
         self._q_wanted = np.array([joint.home for joint in described])
         self._tau = np.zeros(len(joints))
         self._arms = np.array([self.model.actuator(name).id for name in description.arm_joints])
+        self._waist = np.array([self.model.actuator(name).id for name in description.waist], dtype=int)
         self._base = self.model.body(description.base).id
         left, right = WRIST_SITES
         self._sites = (self.model.site(left).id, self.model.site(right).id)
@@ -76,9 +77,10 @@ class SimRobot:
         return self.data.time
 
     def read(self) -> RobotState:
-        """Measure the arm joints."""
+        """Measure the joints of the arms and of the waist, which gives way a little under their weight."""
+        q, dq = self.data.qpos[self._q_address], self.data.qvel[self._v_address]
         return RobotState(
-            self.data.qpos[self._q_address[self._arms]], self.data.qvel[self._v_address[self._arms]], self._clock()
+            q[self._arms], dq[self._arms], self._clock(), waist=q[self._waist] if len(self._waist) else None
         )
 
     def send(self, command: Command) -> None:

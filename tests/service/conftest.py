@@ -1,19 +1,26 @@
 """Fixtures of the daemon's tests: an engine in this process, requests with known answers, and raw sockets."""
 
+import asyncio
 import json
+import select
 import socket
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
+import uvloop
+from tcp_tools import LIMIT_S, Run
 
-from ik_proto import SolveRequest, request_document
+from ik_proto import MAX_BATCH, MAX_STARTS, SolveRequest, request_document
 from ik_service.config import Config
 from ik_service.engine import Engine
+from ik_service.solver import Solver
 
 SOCKET_LIMIT_S = 10.0
+CLEAR = 0.015
+"""Clearance of a posture that avoidance leaves alone [m]."""
 
 
 @pytest.fixture(scope="session")
@@ -24,23 +31,26 @@ def engine() -> Engine:
 
 @pytest.fixture(scope="session")
 def solve_request(engine: Engine) -> Callable[[int], SolveRequest]:
-    """Make a reachable request from a seed: targets from a posture in the middle of the limits, q nearby."""
+    """Make a request from a seed that is reachable and clear of the body: targets of a posture, and a q near it."""
+    robot, gauge = engine.robot, engine.gauge.copy()
+    middle, half = (robot.upper + robot.lower) / 2, (robot.upper - robot.lower) / 2
 
     def make(seed: int = 0) -> SolveRequest:
         rng = np.random.default_rng(seed)
-        robot = engine.robot
-        middle, half = (robot.upper + robot.lower) / 2, (robot.upper - robot.lower) / 2
-        posture = middle + rng.uniform(-0.5, 0.5, robot.nq) * half
-        left, right = robot.fk(posture)
-        return SolveRequest(
-            left_wrist=left,
-            right_wrist=right,
-            q=np.clip(posture + rng.normal(0.0, 0.05, robot.nq), robot.lower, robot.upper),
-            dq=np.zeros(robot.nq),
-            id=seed + 1,
-        )
+        while True:
+            posture = middle + rng.uniform(-0.5, 0.5, robot.nq) * half
+            q = np.clip(posture + rng.normal(0.0, 0.02, robot.nq), robot.lower, robot.upper)
+            left, right = robot.fk(posture)
+            if min(gauge.measure(left, right, each, "report").clearance for each in (q, posture)) > CLEAR:
+                return SolveRequest(left_wrist=left, right_wrist=right, q=q, dq=np.zeros(robot.nq), id=seed + 1)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def solver(engine: Engine) -> Solver:
+    """The default preset's solver, as the service's own but not the same."""
+    return engine.copy().solvers[engine.about.default_preset]
 
 
 @pytest.fixture(scope="session")
@@ -73,6 +83,27 @@ def openwbt_document(solve_request: Callable[..., SolveRequest]) -> Callable[[in
     return make
 
 
+@pytest.fixture(scope="session")
+def endless(document: Callable[..., dict[str, Any]]) -> dict[str, Any]:
+    """A batch that keeps the worker busy for the rest of a test: a quarter of a million starts in vain."""
+    far = np.eye(4)
+    far[0, 3] = 2.0
+    row = document(left_wrist=far.tolist(), right_wrist=far.tolist(), dq=None)
+    rows = {name: [value] * MAX_BATCH for name, value in row.items() if isinstance(value, list)}
+    return {"verb": "solve_batch", "mode": "reach", "starts": MAX_STARTS, "id": 99, **rows}
+
+
+@pytest.fixture(params=[asyncio.new_event_loop, uvloop.new_event_loop], ids=["asyncio", "uvloop"])
+def run(request: pytest.FixtureRequest) -> Run:
+    """Run a coroutine in a fresh event loop."""
+
+    def run(main: Coroutine[Any, Any, None]) -> None:
+        with asyncio.Runner(loop_factory=request.param) as runner:
+            runner.run(asyncio.wait_for(main, LIMIT_S))
+
+    return run
+
+
 class RawClient:
     """A socket and the framing, nothing else."""
 
@@ -92,6 +123,10 @@ class RawClient:
     def ask(self, document: dict[str, Any]) -> dict[str, Any]:
         self.send_frame(json.dumps(document).encode())
         return self.receive()
+
+    def has_reply(self) -> bool:
+        """Whether something has come that was not received yet."""
+        return bool(select.select([self.socket], [], [], 0.0)[0])
 
     def is_closed(self) -> bool:
         """Whether the other end closes, or resets, within the socket's limit."""

@@ -28,6 +28,7 @@ def test_flags_win_over_the_file_and_the_file_over_defaults(tmp_path: Path) -> N
         ('tpc = "127.0.0.1:1"', "tpc"),
         ("tcp = 12345", "tcp must be a string"),
         ('openwbt-lag = "yes"', "openwbt-lag must be true or false"),
+        ('collision = "maybe"', "--collision must be one of off, report, avoid"),
         ('smooth = "very"', "--smooth must be one of none, openwbt"),
         ('tcp = "12345"', "'12345' is not an address"),
         ('tcp = "127.0.0.1:99999"', "not an address"),

@@ -17,6 +17,8 @@ import pytest
 from ik_proto import SolveRequest, encode_frame, request_document
 from ik_proto.codec import JSON
 from ik_service.engine import Engine
+from ik_service.solver import Solver
+from ik_service.worker import WAITING
 
 REFLECTION = np.diag([1.0, 1.0, -1.0, 1.0]).tolist()
 
@@ -29,8 +31,7 @@ def run(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
 class Bystander:
     """A client that solves all the time and checks every answer against a solver in this process."""
 
-    def __init__(self, client: Any, engine: Engine, requests: list[SolveRequest]) -> None:
-        solver = engine.copy().solvers["openwbt"]
+    def __init__(self, client: Any, solver: Solver, requests: list[SolveRequest]) -> None:
         self._exchanges = [
             (JSON.encode(request_document(request)), solver.solve(request.left_wrist, request.right_wrist, request.q).q)
             for request in requests
@@ -64,12 +65,12 @@ class Bystander:
 def test_bad_input_is_answered_or_closed_and_others_are_served(
     service_process: Any,
     raw_client: Callable[..., Any],
-    engine: Engine,
+    solver: Solver,
     document: Callable[..., dict[str, Any]],
     solve_request: Callable[[int], SolveRequest],
 ) -> None:
     requests = [solve_request(seed) for seed in range(10)]
-    with Bystander(raw_client(service_process.tcp), engine, requests) as bystander:
+    with Bystander(raw_client(service_process.tcp), solver, requests) as bystander:
         for _ in range(20):
             client = raw_client(service_process.tcp)
             nan = np.full((4, 4), math.nan).tolist()
@@ -101,6 +102,51 @@ def test_bad_input_is_answered_or_closed_and_others_are_served(
     assert bystander.failure is None
     assert bystander.answers > 0
     assert service_process.process.poll() is None
+
+
+def test_replies_of_one_client_stay_in_order(
+    service_process: Any, raw_client: Callable[..., Any], document: Callable[..., dict[str, Any]]
+) -> None:
+    rows = {name: [value] * 8 for name, value in document().items() if isinstance(value, list)}
+    requests = [
+        document(1),
+        {**rows, "verb": "solve_batch", "id": 12},
+        {"verb": "info", "id": 13},
+        document(13, mode="reach"),
+        {"verb": "solve_batch", "id": 15},
+        document(15),
+    ]
+    client = raw_client(service_process.tcp)
+    client.send(b"".join(encode_frame(json.dumps(request).encode()) for request in requests))
+    replies = [client.receive() for _ in requests]
+    assert [reply["id"] for reply in replies] == [2, 12, 13, 14, 15, 16]
+    assert [reply["status"] for reply in replies] == ["ok", "ok", "ok", "ok", "bad_request", "ok"]
+    assert replies[1]["statuses"] == ["ok"] * 8
+
+
+def test_long_work_delays_nobody_else_nor_the_end(
+    start_service: Callable[..., Any],
+    raw_client: Callable[..., Any],
+    document: Callable[..., dict[str, Any]],
+    endless: dict[str, Any],
+) -> None:
+    service = start_service("--zenoh", "off")
+    patient, other = raw_client(service.tcp), raw_client(service.tcp)
+    patient.send_frame(json.dumps(endless).encode())
+    patient.send_frame(json.dumps(document(1)).encode())
+    for seed in range(50):
+        assert other.ask(document(seed))["id"] == seed + 1
+    crowd = [raw_client(service.tcp) for _ in range(WAITING + 1)]
+    for k, client in enumerate(crowd):
+        client.send_frame(json.dumps(document(k, mode="reach")).encode())
+    refused = crowd[-1].receive()
+    assert (refused["status"], refused["id"], refused["sol_q"]) == ("overloaded", WAITING + 1, None)
+    assert crowd[-1].ask(document(3))["success"]  # its connection stays open
+    assert not patient.has_reply()
+    assert service.stop() == 0
+    assert patient.is_closed()
+    log = [json.loads(line) for line in service.log.read_text().splitlines()]
+    assert [entry["event"] for entry in log] == ["draining", "leaving work behind"]
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
@@ -189,7 +235,8 @@ def test_info_prints_what_would_be_served(engine: Engine) -> None:
     for name in engine.robot.joint_names:
         assert name in result.stdout
     assert engine.robot.model_hash in result.stdout
-    assert "openwbt" in result.stdout
+    for words in ("openwbt, precise (default precise)", "avoid, margin 10 mm", "waist_yaw_joint"):
+        assert words in result.stdout
 
 
 def test_healthcheck_tells_ready_from_gone(start_service: Callable[..., Any]) -> None:
@@ -204,7 +251,15 @@ def test_healthcheck_tells_ready_from_gone(start_service: Callable[..., Any]) ->
 
 def test_help_teaches() -> None:
     text = run("serve", "--help").stdout
-    for word in ("127.0.0.1:12345", "examples:", "exit codes:", "--openwbt-lag", "--insecure"):
+    for word in (
+        "127.0.0.1:12345",
+        "examples:",
+        "exit codes:",
+        "--openwbt-lag",
+        "--insecure",
+        "(precise)",
+        "{off,report,avoid}",
+    ):
         assert word in text
 
 

@@ -44,11 +44,14 @@ def test_a_scrape_counts_what_was_asked(
     for seed in range(5):
         assert client.ask(document(seed))["success"]
     assert client.ask({"q": 1})["status"] == "bad_request"
+    assert client.ask(document(mode="reach"))["success"]
+    batch = {name: [value] for name, value in document().items() if isinstance(value, list)}
+    assert client.ask({"verb": "solve_batch", **batch})["success"]
     values = samples(get(service, "/metrics")[1])
-    assert values["ik_requests_total", "tcp", "ok"] == 5
+    assert values["ik_requests_total", "tcp", "ok"] == 7
     assert values["ik_requests_total", "tcp", "bad_request"] == 1
-    assert values["ik_request_seconds_count", "tcp"] == 6
-    assert values["ik_solve_seconds_count", "tcp"] == 5
+    assert values["ik_request_seconds_count", "tcp"] == 8
+    assert values["ik_solve_seconds_count", "tcp"] == 6  # not the batch
     assert 0 < values["ik_solve_seconds_sum", "tcp"] < values["ik_request_seconds_sum", "tcp"]
     assert values["ik_connections", "tcp"] == 1
     assert any(name[0] == "ik_build_info" and service.ready["boot_id"] in name for name in values)

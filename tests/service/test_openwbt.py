@@ -14,6 +14,7 @@ from ik_service.engine import Engine
 from ik_service.metrics import Meter
 from ik_service.openwbt import FIRST_LAGGED_REPLY, OpenwbtConnection
 from ik_service.service import Service
+from ik_service.solver import Solver
 
 MakeDocument = Callable[[int], dict[str, Any]]
 
@@ -72,9 +73,8 @@ def openwbt_client() -> Iterator[Callable[[Any], OpenwbtClient]]:
 
 
 @pytest.fixture(scope="session")
-def truth(engine: Engine) -> Callable[[SolveRequest], np.ndarray]:
+def truth(solver: Solver) -> Callable[[SolveRequest], np.ndarray]:
     """The solution of a request by a solver in this process."""
-    solver = engine.copy().solvers["openwbt"]
     return lambda request: solver.solve(request.left_wrist, request.right_wrist, request.q).q
 
 
@@ -145,7 +145,7 @@ def test_smoothing_over_the_wire_starts_anew_for_every_client(
     solve_request: Callable[[int], SolveRequest],
     truth: Callable[[SolveRequest], np.ndarray],
 ) -> None:
-    service = start_service("--smooth", "openwbt", "--zenoh", "off")
+    service = start_service("--smooth", "openwbt", "--collision", "report", "--zenoh", "off")
     raw = [truth(solve_request(seed)) for seed in range(6)]
     for _ in range(2):
         client = openwbt_client(service)
@@ -157,14 +157,35 @@ def test_smoothing_over_the_wire_starts_anew_for_every_client(
 
 
 def test_only_openwbts_requests_get_its_habits(
-    engine: Engine, openwbt_document: MakeDocument, solve_request: Callable[[int], SolveRequest]
+    engine: Engine,
+    openwbt_document: MakeDocument,
+    solve_request: Callable[[int], SolveRequest],
+    truth: Callable[[SolveRequest], np.ndarray],
 ) -> None:
-    connection = OpenwbtConnection(Service(engine.copy(), Meter("test")), smooth=True, lag=True)
+    service = Service(engine.copy(), Meter("test"))
+    connection = OpenwbtConnection(service, lambda body: service.handle_bytes(body, JSON), smooth=True, lag=True)
+
+    def ask(body: bytes) -> dict[str, Any]:
+        reply = connection.answer(body)
+        assert isinstance(reply, bytes)
+        return json.loads(reply)
+
     assert connection.answer(json.dumps(openwbt_document(0)).encode()) == FIRST_LAGGED_REPLY
-    fresh = json.loads(connection.answer(JSON.encode(request_document(solve_request(5)))))
+    fresh = ask(JSON.encode(request_document(solve_request(5))))
     assert (fresh["success"], fresh["id"]) == (True, 6)
-    late = json.loads(connection.answer(json.dumps(openwbt_document(1)).encode()))
-    solver = engine.copy().solvers["openwbt"]
-    first = solve_request(0)
-    expected = solver.solve(first.left_wrist, first.right_wrist, first.q).q
-    np.testing.assert_allclose(late["sol_q"], expected, atol=1e-12)
+    late = ask(json.dumps(openwbt_document(1)).encode())
+    np.testing.assert_allclose(late["sol_q"], truth(solve_request(0)), atol=1e-12)
+
+
+def test_the_preset_of_its_own_server_can_be_had(
+    engine: Engine,
+    start_service: Callable[..., Any],
+    openwbt_client: Callable[[Any], OpenwbtClient],
+    openwbt_document: MakeDocument,
+    solve_request: Callable[[int], SolveRequest],
+) -> None:
+    client = openwbt_client(start_service("--preset", "openwbt", "--collision", "off", "--zenoh", "off"))
+    request, solver = solve_request(3), engine.copy().solvers["openwbt"]
+    expected = solver.solve(request.left_wrist, request.right_wrist, request.q, collision="off")
+    np.testing.assert_allclose(client.solve(openwbt_document(3)), expected.q, atol=1e-6)
+    assert expected.position_error.max() > 1e-3  # its pull towards zero, which `precise` has not

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from service_fakes import OPEN, StubSolver, batch_of, service_with
 
 from ik_proto import (
     JSON,
     MSGPACK,
     Codec,
+    Collision,
     FkReply,
     InfoReply,
     SolveReply,
@@ -25,11 +27,10 @@ from ik_proto import (
     parse_solve_reply,
     request_document,
 )
-from ik_proto.smoothing import WeightedMovingFilter
 from ik_service.engine import Engine
 from ik_service.metrics import Meter
 from ik_service.service import Service
-from ik_service.solver import Solution
+from ik_service.solver import Solver
 
 
 @pytest.fixture
@@ -42,27 +43,9 @@ def service(engine: Engine, meter: Meter) -> Service:
     return Service(engine.copy(), meter)
 
 
-class StubSolver:
-    """Stands in for a solver: gives a status or raises."""
-
-    def __init__(self, outcome: Status | Exception, nq: int) -> None:
-        self.outcome, self.nq = outcome, nq
-
-    def solve(self, left_wrist: np.ndarray, right_wrist: np.ndarray, q: np.ndarray) -> Solution:
-        if isinstance(self.outcome, Exception):
-            raise self.outcome
-        return Solution(q.copy(), self.outcome, np.zeros(2), np.zeros(2), np.zeros(self.nq), 0.0, 3)
-
-
-def service_with(engine: Engine, outcome: Status | Exception, meter: Meter | None = None, **options: Any) -> Service:
-    solvers: dict[str, Any] = {"openwbt": StubSolver(outcome, engine.robot.nq)}
-    return Service(replace(engine, solvers=solvers), meter or Meter("test"), **options)
-
-
 def test_solve_answers_what_the_solver_finds(
-    engine: Engine, service: Service, solve_request: Callable[[int], SolveRequest]
+    service: Service, solver: Solver, solve_request: Callable[[int], SolveRequest]
 ) -> None:
-    solver = engine.copy().solvers["openwbt"]
     for seed in range(20):
         request = solve_request(seed)
         reply = service.handle(request_document(request))
@@ -73,6 +56,116 @@ def test_solve_answers_what_the_solver_finds(
         np.testing.assert_array_equal(reply.sol_q, expected.q)
         np.testing.assert_array_equal(reply.tau, expected.tau)
         np.testing.assert_array_equal(reply.position_error, expected.position_error)
+        assert (reply.clearance, reply.nearest) == (expected.clearance, expected.nearest)
+        assert (reply.start, reply.starts) == (0, 1)
+
+
+OPTIONS = {
+    "mode": "reach",
+    "waist": [0.1, 0.2, 0.3],
+    "left_elbow": [0.0, 0.0, -1.0, 0.5],
+    "right_elbow": [0.0, -1.0, 0.0, 1.0],
+    "weights": [[1.0, 0.0], [0.5, 1.0]],
+    "collision": "off",
+    "starts": 7,
+}
+
+
+def plain(options: dict[str, Any]) -> dict[str, Any]:
+    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in options.items()}
+
+
+def test_every_option_reaches_the_solver(engine: Engine, document: Callable[..., dict[str, Any]]) -> None:
+    stub = StubSolver(Status.OK)
+    service = Service(replace(engine, solvers={"precise": stub}), Meter("test"))
+    assert service.handle(document(**OPTIONS)).success
+    assert {
+        name: value.tolist() if hasattr(value, "tolist") else value for name, value in stub.asked.items()
+    } == OPTIONS
+    assert service.handle({**batch_of([document(**OPTIONS)] * 2), "verb": "solve_batch"}).success
+    rows = {name: [value] * 2 if isinstance(value, list) else value for name, value in OPTIONS.items()}
+    assert plain(stub.asked) == rows
+
+
+@pytest.mark.parametrize("collision", ["off", "report", "avoid"])
+def test_a_request_that_does_not_say_gets_the_services_setting(
+    engine: Engine, document: Callable[..., dict[str, Any]], collision: Collision
+) -> None:
+    stub = StubSolver(Status.OK)
+    service = Service(replace(engine, solvers={"precise": stub}, collision=collision), Meter("test"))
+    service.handle(document())
+    assert stub.asked["collision"] == collision
+    service.handle(document(collision="report"))
+    assert stub.asked["collision"] == "report"
+
+
+def test_clearance_is_said_where_it_is_measured(
+    engine: Engine, service: Service, document: Callable[..., dict[str, Any]]
+) -> None:
+    off = json.loads(service.handle_bytes(json.dumps(document(collision="off")).encode(), JSON))
+    assert off["success"]
+    assert not {"clearance", "nearest"} & off.keys()
+    assert (off["start"], off["starts"]) == (0, 1)
+    report = json.loads(service.handle_bytes(json.dumps(document(collision="report")).encode(), JSON))
+    names = {capsule.name for capsule in engine.robot.collision.capsules}
+    assert set(report["nearest"]) < names
+    assert report["clearance"] > engine.robot.collision.margin
+    assert report["sol_q"] == off["sol_q"]
+
+
+def test_a_target_inside_the_body_is_blocked_and_may_be_followed(
+    engine: Engine, service: Service, document: Callable[..., dict[str, Any]]
+) -> None:
+    inside = np.eye(4)
+    inside[:3, 3] = [0.05, 0.0, 0.15]
+    request = document(left_wrist=inside.tolist(), q=OPEN, dq=[0.0] * 14)
+    reply = service.handle(request)
+    assert isinstance(reply, SolveReply)
+    assert (reply.status, reply.success, reply.error) == (Status.BLOCKED, True, "")
+    assert reply.clearance is not None
+    assert reply.clearance >= engine.robot.collision.margin
+    through = service.handle({**request, "collision": "report"})  # what it was kept from
+    assert isinstance(through, SolveReply)
+    assert through.clearance is not None
+    assert through.clearance < 0.0
+
+
+def test_the_waist_carries_the_shoulders(
+    engine: Engine, service: Service, document: Callable[..., dict[str, Any]]
+) -> None:
+    q, waist = OPEN, [0.3, -0.1, 0.2]
+    reply = service.handle({"verb": "fk", "q": q, "waist": waist})
+    assert isinstance(reply, FkReply)
+    left, right = engine.robot.fk(np.array(q), np.array(waist))
+    np.testing.assert_array_equal([reply.left_wrist, reply.right_wrist], [left, right])
+    solved = service.handle(
+        document(left_wrist=left.tolist(), right_wrist=right.tolist(), q=q, dq=[0.0] * 14, waist=waist)
+    )
+    assert isinstance(solved, SolveReply)
+    assert solved.status is Status.OK
+    assert solved.position_error is not None
+    assert solved.position_error.max() < 1e-4
+    straight = service.handle({"verb": "fk", "q": solved.sol_q})
+    assert isinstance(straight, FkReply)
+    assert np.linalg.norm(straight.left_wrist[:3, 3] - left[:3, 3]) > 0.03
+
+
+@pytest.mark.parametrize("hint", ["left_elbow", "right_elbow"])
+def test_a_robot_without_elbows_takes_no_elbow_hints(
+    engine: Engine, document: Callable[..., dict[str, Any]], hint: str
+) -> None:
+    robot = engine.robot.copy()
+    left, right = robot.arms
+    robot.arms = (replace(left, elbow=None), replace(right, elbow=None))
+    service = Service(replace(engine, robot=robot), Meter("test"))
+    request = document(3, **{hint: [0.0, 0.0, -1.0, 1.0]})
+    reply = service.handle(request)
+    assert isinstance(reply, SolveReply)
+    assert (reply.status, reply.id) == (Status.UNSUPPORTED, 4)
+    assert reply.error == f"{hint} cannot be served: no elbow is named for robot g1"
+    np.testing.assert_array_equal(reply.sol_q, request["q"])
+    batch = service.handle(batch_of([request]))
+    assert (batch.status, batch.error) == (Status.UNSUPPORTED, reply.error)
 
 
 def test_residuals_are_those_of_the_returned_joints(
@@ -92,7 +185,7 @@ def test_residuals_are_those_of_the_returned_joints(
 def test_out_of_reach_is_followed_and_said(service: Service, document: Callable[..., dict[str, Any]]) -> None:
     far = np.eye(4)
     far[0, 3] = 2.0
-    reply = service.handle(document(left_wrist=far.tolist()))
+    reply = service.handle(document(left_wrist=far.tolist(), collision="off"))
     assert isinstance(reply, SolveReply)
     assert reply.status is Status.UNREACHABLE
     assert reply.success
@@ -119,7 +212,12 @@ def test_info_says_who_answers(engine: Engine, service: Service) -> None:
     assert reply.shoulders.shape == (2, 3)
     assert (reply.reach > 0.3).all()
     assert reply.default_preset in reply.presets
+    assert reply.default_preset == "precise"
     assert reply.kernel == "vm"
+    assert reply.waist_joints == ["waist_yaw_joint", "waist_roll_joint", "waist_pitch_joint"]
+    assert reply.margin == 0.010
+    assert reply.capsules == [capsule.name for capsule in engine.robot.collision.capsules]
+    assert reply.modes == ["track", "reach"]
 
 
 @pytest.mark.parametrize("codec", [JSON, MSGPACK], ids=["json", "msgpack"])
@@ -172,6 +270,7 @@ def test_not_converged_echoes_q_and_gives_nothing_to_follow(
     assert (reply.status, reply.success) == (Status.NOT_CONVERGED, False)
     assert reply.error
     assert reply.tau is None
+    assert (reply.clearance, reply.nearest, reply.start, reply.starts) == (None, None, None, None)
     np.testing.assert_array_equal(reply.sol_q, request.q)
 
 
@@ -208,27 +307,6 @@ def test_nothing_is_remembered_between_requests(service: Service, document: Call
     assert isinstance(first, SolveReply)
     assert isinstance(again, SolveReply)
     np.testing.assert_array_equal(first.sol_q, again.sol_q)
-
-
-def test_smoothing_tells_the_truth_about_the_filtered_joints(
-    engine: Engine, service: Service, solve_request: Callable[[int], SolveRequest]
-) -> None:
-    smoothing = WeightedMovingFilter()
-    solver = engine.copy().solvers["openwbt"]
-    raw = []
-    for seed in range(6):
-        request = solve_request(seed)
-        reply = service.handle(request_document(request), smoothing)
-        raw.append(solver.solve(request.left_wrist, request.right_wrist, request.q).q)
-        assert isinstance(reply, SolveReply)
-        assert reply.sol_q is not None
-        expected = raw[-1] if seed < 3 else np.average(raw[-4:], axis=0, weights=[0.1, 0.2, 0.3, 0.4])
-        np.testing.assert_allclose(reply.sol_q, expected, atol=1e-12)
-        left, _ = engine.robot.fk(reply.sol_q)
-        assert reply.position_error is not None
-        assert reply.position_error[0] == pytest.approx(np.linalg.norm(left[:3, 3] - request.left_wrist[:3, 3]))
-        assert reply.tau is not None
-        np.testing.assert_allclose(reply.tau, engine.robot.gravity_torque(reply.sol_q), atol=1e-12)
 
 
 @given(body=st.binary(max_size=200))

@@ -6,66 +6,13 @@ Each test runs on both event loops. The server's limits are injected and small.
 import asyncio
 import json
 import struct
-from collections.abc import Callable, Coroutine
-from contextlib import asynccontextmanager
-from typing import Any
 
 import pytest
-import uvloop
+from tcp_tools import Run, connect, echo_server, is_served, read_to_the_end, receive, refuse, until
 
-from ik_proto import MAX_FRAME_BYTES, Status, encode_frame
-from ik_service.addresses import AddressInUse, HostPort
-from ik_service.tcp_server import TcpLimits, TcpServer
-
-LIMIT_S = 10.0
-Run = Callable[[Coroutine[Any, Any, None]], None]
-
-
-@pytest.fixture(params=[asyncio.new_event_loop, uvloop.new_event_loop], ids=["asyncio", "uvloop"])
-def run(request: pytest.FixtureRequest) -> Run:
-    """Run a coroutine in a fresh event loop."""
-
-    def run(main: Coroutine[Any, Any, None]) -> None:
-        with asyncio.Runner(loop_factory=request.param) as runner:
-            runner.run(asyncio.wait_for(main, LIMIT_S))
-
-    return run
-
-
-def refuse(status: Status, message: str) -> bytes:
-    return json.dumps({"status": status.value, "error_msg": message}).encode()
-
-
-@asynccontextmanager
-async def echo_server(**limits: Any):
-    server = TcpServer(lambda: lambda body: b"echo " + body, refuse, TcpLimits(**limits))
-    address = await server.start(HostPort("127.0.0.1", 0))
-    try:
-        yield server, address
-    finally:
-        await server.stop(grace_s=0.2)
-
-
-async def connect(address: HostPort) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-    return await asyncio.open_connection(address.host, address.port)
-
-
-async def receive(reader: asyncio.StreamReader) -> bytes:
-    (length,) = struct.unpack(">I", await reader.readexactly(4))
-    return await reader.readexactly(length)
-
-
-async def is_served(address: HostPort) -> bool:
-    reader, writer = await connect(address)
-    writer.write(encode_frame(b"hello"))
-    reply = await receive(reader)
-    writer.close()
-    return reply == b"echo hello"
-
-
-async def until(condition: Callable[[], bool]) -> None:
-    while not condition():
-        await asyncio.sleep(0.001)
+from ik_proto import MAX_FRAME_BYTES, encode_frame
+from ik_service.addresses import AddressInUse
+from ik_service.tcp_server import TcpServer
 
 
 def test_byte_by_byte(run: Run) -> None:
@@ -174,22 +121,12 @@ def test_a_frame_that_does_not_complete_closes_the_connection(run: Run, sent: by
         async with echo_server(frame_s=0.05) as (_, address):
             reader, writer = await connect(address)
             writer.write(sent)
-            rest = await _read_to_the_end(reader)
+            rest = await read_to_the_end(reader)
             assert rest == (encode_frame(b"echo complete") if b"complete" in sent else b"")
             assert await is_served(address)
             writer.close()
 
     run(main())
-
-
-async def _read_to_the_end(reader: asyncio.StreamReader) -> bytes:
-    data = b""
-    try:
-        while part := await reader.read(1000):
-            data += part
-    except ConnectionResetError:
-        pass
-    return data
 
 
 def test_an_idle_connection_outlives_the_frame_limit(run: Run) -> None:
@@ -202,7 +139,7 @@ def test_an_idle_connection_outlives_the_frame_limit(run: Run) -> None:
                 assert await receive(reader) == b"echo " + body
             # The limit has passed once a frame begun afterwards has been dropped for it.
             slow_writer.write(b"\x00")
-            assert await _read_to_the_end(slow_reader) == b""
+            assert await read_to_the_end(slow_reader) == b""
             writer.write(encode_frame(b"third"))
             assert await receive(reader) == b"echo third"
             writer.close()

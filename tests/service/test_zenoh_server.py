@@ -14,6 +14,7 @@ from ik_proto import MAX_FRAME_BYTES, MSGPACK, SolveRequest, parse_info_reply, p
 from ik_service.addresses import AddressInUse
 from ik_service.config import ConfigError
 from ik_service.engine import Engine
+from ik_service.solver import Solver
 from ik_service.zenoh_server import ZenohServer, listen_locators, zenoh_config
 
 LIMIT_S = 10.0
@@ -46,9 +47,8 @@ def ask(session: zenoh.Session, key: str, payload: bytes | None) -> list[dict[st
 
 
 def test_solve_over_the_alias_and_over_the_replicas_own_key(
-    service_process: Any, session: zenoh.Session, engine: Engine, solve_request: Callable[[int], SolveRequest]
+    service_process: Any, session: zenoh.Session, solver: Solver, solve_request: Callable[[int], SolveRequest]
 ) -> None:
-    solver = engine.copy().solvers["openwbt"]
     for seed, key in enumerate(("ik/g1/rpc", f"ik/g1/rpc/{service_process.ready['boot_id']}")):
         request = solve_request(seed)
         (document,) = ask(session, key, MSGPACK.encode(request_document(request)))
@@ -74,6 +74,20 @@ def test_fk_and_info(session: zenoh.Session, engine: Engine, solve_request: Call
 def test_a_bad_payload_is_answered(session: zenoh.Session, payload: bytes | None) -> None:
     (reply,) = ask(session, "ik/g1/rpc", payload)
     assert (reply["success"], reply["status"]) == (False, "bad_request")
+
+
+def test_long_work_delays_neither_other_queries_nor_the_end(
+    start_service: Callable[..., Any], endless: dict[str, Any], solve_request: Callable[[int], SolveRequest]
+) -> None:
+    service = start_service("--tcp", "off")
+    key = f"ik/g1/rpc/{service.ready['boot_id']}"
+    with open_client(service.ready["zenoh"]) as session:
+        replies = session.get(key, payload=MSGPACK.encode(endless), timeout=60.0)
+        for seed in range(20):
+            (reply,) = ask(session, key, MSGPACK.encode(request_document(solve_request(seed))))
+            assert (reply["id"], reply["success"]) == (seed + 1, True)
+        assert replies.try_recv() is None
+        assert service.stop() == 0
 
 
 def test_the_liveliness_token_lives_as_long_as_the_service(start_service: Callable[..., Any]) -> None:

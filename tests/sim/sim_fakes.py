@@ -107,7 +107,7 @@ class FakeSolver:
         self.takes = takes
         self.fault: Exception | None = None
 
-    def solve(self, left_wrist: Array, right_wrist: Array, q: Array, dq: Array) -> SolveReply:
+    def solve(self, left_wrist: Array, right_wrist: Array, q: Array, dq: Array, **options: object) -> SolveReply:
         self.clock.now += self.takes
         if self.fault is not None:
             raise self.fault

@@ -112,6 +112,39 @@ def test_measurements_carry_the_time_of_the_clock(toy: RobotDescription) -> None
     assert SimRobot(toy, clock=lambda: 12.5).read().time == 12.5
 
 
+def test_the_waist_is_measured_in_the_order_of_the_description(g1: RobotDescription) -> None:
+    robot = SimRobot(g1)
+    for name, position in zip(g1.waist, (0.1, -0.2, 0.3), strict=True):
+        robot.data.joint(name).qpos[0] = position
+    waist = robot.read().waist
+    assert waist is not None
+    np.testing.assert_array_equal(waist, [0.1, -0.2, 0.3])
+
+
+def test_a_robot_without_a_waist_measures_none(toy: RobotDescription) -> None:
+    assert SimRobot(toy).read().waist is None
+
+
+def test_targets_are_met_though_the_waist_gives_way(g1: RobotDescription, service_process) -> None:
+    """Push the torso forward: with the measured waist, the answer's wrists are on target where the body really is."""
+    robot = SimRobot(g1)
+    left, right = robot.wrists()
+    robot.data.joint("waist_pitch_joint").qpos[0] = 0.2
+    measured = robot.read()
+    distances = []
+    with IKClient(service_process.tcp_url, timeout=5.0) as client:
+        for waist in (measured.waist, None):
+            q = client.solve(left, right, measured.q, waist=waist).sol_q
+            assert q is not None
+            for name, position in zip(g1.arm_joints, q, strict=True):
+                robot.data.joint(name).qpos[0] = position
+            mujoco.mj_kinematics(robot.model, robot.data)
+            distances.append(np.linalg.norm(robot.wrists()[0][:3, 3] - left[:3, 3]))
+    with_waist, without = distances
+    assert with_waist < 5e-4
+    assert without > 0.02
+
+
 def test_a_measurement_does_not_change_afterwards(toy: RobotDescription) -> None:
     robot = SimRobot(toy)
     before = robot.read().q
