@@ -23,9 +23,6 @@ from ik_service.springs import coupled_objective
 SLACK = 3e-4
 """How far floors lie above the margin [m]."""
 
-TOUCHING = 3e-3
-"""Clearance above the margin below which an arm counts as held up: when its way becomes free it sets off slowly [m]."""
-
 HELD_UP = 1e-2
 """Error part of the cost from which on an arm held up by the body is slowed: 14 mm or 6 degrees of weights 50 and 1."""
 
@@ -80,7 +77,7 @@ def avoidance(robot: Robot, arms: Sequence[Arm]) -> Avoidance:
 def _resolve(
     robot: Robot, arms: Sequence[Arm], proximity: Proximity, measure: ca.Function, coupled: ca.Function
 ) -> ca.Function:
-    nq, margin = robot.nq, robot.collision.margin
+    nq = robot.nq
     q, q_start, retreat = ca.MX.sym("q", nq), ca.MX.sym("q_start", nq), ca.MX.sym("retreat")
     clearance, place, changed = ca.MX.sym("clearance"), ca.MX.sym("place"), ca.MX.sym("changed")
     base_ends = ca.MX.sym("base_ends", proximity.distances.sparsity_in(1))
@@ -91,9 +88,7 @@ def _resolve(
     d_start = proximity.distances(q_start, base_ends)
     clear, _ = proximity.clear(proximity.distances(q, base_ends), d_start)
     reached = walk(clear, q_start, q, q_start, d_start, base_ends)
-    far = ca.norm_inf(q - q_start) > SHORT_PATH
-    released = ca.logic_and(far, ca.mmin(d_start) < margin + TOUCHING)
-    blocked = ca.logic_or(ca.norm_inf(reached - q) > 0.0, released)
+    blocked = ca.norm_inf(reached - q) > 0.0
     answer = detour(blocked, reached, q_start, d_start, *problems, base_ends, retreat)
     inputs = [q, clearance, place, changed, q_start, *problems, base_ends, retreat]
     return ca.Function("resolve", inputs, [answer, *measure(answer, base_ends), ca.norm_inf(answer - q) > 0.0])
@@ -102,7 +97,7 @@ def _resolve(
 def _detour(
     robot: Robot, arms: Sequence[Arm], proximity: Proximity, walk: ca.Function, coupled: ca.Function
 ) -> ca.Function:
-    """(q to be replaced, q_start, d_start, problems, base ends, retreat) -> what the springs achieve.
+    """(q to be replaced, q_start, d_start, problems, base ends, retreat, longest step) -> what the springs achieve.
 
     The smoothness of an arm grows with its error at the start: one held up by the body does not rush about.
     """
@@ -111,18 +106,18 @@ def _detour(
     d_start = ca.MX.sym("d_start", proximity.pairs)
     base_ends = ca.MX.sym("base_ends", proximity.distances.sparsity_in(1))
     problems = [ca.MX.sym(arm.chain.side, arm.problem_size) for arm in arms]
-    slowed, first = [], 0
-    for arm, problem in zip(arms, problems, strict=True):
-        _, _, _, _, measures = arm.objective.evaluate(q_start[first : first + arm.n], problem)
+    slowed, split = [], arms[0].n
+    for arm, problem, part in zip(arms, problems, (q_start[:split], q_start[split:]), strict=True):
+        _, _, _, _, measures = arm.objective.evaluate(part, problem)
         slowed.append(ArmProblem.slowed(problem, arm.n, retreat, measures[1] - HELD_UP))
-        first += arm.n
     floors = ca.fmin(margin + SLACK, d_start + OPENING)
     around, *_ = coupled(q_start, ca.vertcat(*slowed, floors, ca.vec(base_ends)))
     answer = walk(True, q_start, around, q_start, d_start, base_ends)
     stuck = ca.logic_and(ca.norm_inf(answer - q_start) == 0.0, ca.mmin(d_start) < margin)
     opened = when(_opening(robot, arms, proximity, walk, coupled))
     answer = opened(stuck, answer, q_start, d_start, *problems, floors, base_ends)
-    return ca.Function("detour", [q, q_start, d_start, *problems, base_ends, retreat], [answer])
+    inputs = [q, q_start, d_start, *problems, base_ends, retreat]
+    return ca.Function("detour", inputs, [answer])
 
 
 def _opening(

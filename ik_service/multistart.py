@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ik_service.kernel import Kernel
-from ik_service.layout import AVOID, OFF, REPORT, Layout
+from ik_service.layout import AVOID, OFF, REPORT, REPORT_ONLY, Layout
 from ik_service.preset import Preset
 from ik_service.problem import Problem, bind
 from ik_service.reach import ARRIVED
@@ -192,6 +192,7 @@ class MultiStart:
     def measure(self, problem: Problem) -> Start:
         """Report on the request's q as it is, limits or no limits."""
         self._problem.copy(problem, {}, 1.0)
+        self._problem.collision = min(self._problem.collision, REPORT_ONLY)  # avoidance would move q
         return self._measured(self._problem.q, 0)
 
     def _measured(self, q: np.ndarray, index: int) -> Start:

@@ -88,12 +88,18 @@ class Runner:
         self._clock = clock
         self._sleep = sleep
 
-    def run(self, duration: float | None, keep_going: Callable[[], bool] = lambda: True) -> Pace:
+    def run(
+        self,
+        duration: float | None,
+        keep_going: Callable[[], bool] = lambda: True,
+        announce: Callable[[], None] = lambda: None,
+    ) -> Pace:
         """Run until the time is up, `keep_going` says no, or Ctrl-C.
 
         Args:
             duration: Simulated time to run [s]; None runs on.
             keep_going: Asked before every tick.
+            announce: Called when Ctrl-C ends the run and no longer the program.
 
         Returns:
             How it kept time.
@@ -103,6 +109,8 @@ class Runner:
         busy = 0.0
         begin = end = due = self._clock()
         try:
+            announce()
+            begin = end = due = self._clock()
             while (limit is None or ticks < limit) and keep_going():
                 self._wait_until(due)
                 tick_begin = self._clock()

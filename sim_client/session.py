@@ -76,8 +76,8 @@ def run_session(settings: Settings, console: Console, extra: Sequence[Observer] 
         )
         duration = settings.duration or length or (None if window else SCRIPT_DURATION)
         runner = Runner(loop, robot, [*observers, *extra])
-        say(f"{description.name} follows {_name_of(settings)} through {settings.url}; Ctrl-C ends the run")
-        pace = runner.run(duration, window.is_open if window else lambda: True)
+        follows = f"{description.name} follows {_name_of(settings)} through {settings.url}; Ctrl-C ends the run"
+        pace = runner.run(duration, window.is_open if window else lambda: True, announce=lambda: say(follows))
     report = summarise(
         trace,
         pace,
