@@ -3,11 +3,11 @@
 They replace whatever is between the page's two marks.
 """
 
-import json
 import sys
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
+
+from benchmarks.marked_page import between, fill_page
 
 BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
 
@@ -45,11 +45,7 @@ def fill(page: str, numbers: Mapping[str, Any]) -> str:
     Raises:
         ValueError: A mark is missing.
     """
-    before, begin, rest = page.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise ValueError(f"the page needs the marks {BEGIN} and {END}")
-    return f"{before}{BEGIN}\n\n{tables(numbers)}\n\n{END}{after}"
+    return between(page, BEGIN, END, lambda: tables(numbers))
 
 
 def _table(rows: Mapping[str, Any]) -> Iterator[str]:
@@ -71,13 +67,5 @@ def _table(rows: Mapping[str, Any]) -> Iterator[str]:
         yield f"| {' | '.join(cells)} |"
 
 
-def main() -> int:
-    """Fill a page."""
-    numbers, page = Path(sys.argv[1]), Path(sys.argv[2])
-    text = fill(page.read_text(encoding="utf-8"), json.loads(numbers.read_text(encoding="utf-8")))
-    page.write_text(text, encoding="utf-8")
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(fill_page(fill))
