@@ -16,7 +16,7 @@ OUTAGE_TIME = 1.0
 
 _EPILOG = """\
 examples:
-  ik-demo                              12 seconds, then report and pictures in out/demo
+  ik-demo                              14 seconds, then report and pictures in out/demo
   ik-demo --kill                       the service is killed on the way and restarted: the robot holds and resumes
   ik-demo --path wave --duration 30
 
@@ -80,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
         help="add the gravity torque that the service computes (on)",
     )
     parser.add_argument("--path", metavar="NAME", help="circles, reach or wave (circles)")
-    parser.add_argument("--duration", metavar="S", type=float, help="simulated time to run (12)")
+    parser.add_argument("--duration", metavar="S", type=float, help="simulated time to run (14)")
     parser.add_argument("--kill", action="store_true", help="kill the service on the way, and restart it")
     parser.add_argument("--out", metavar="DIR", type=Path, help="where report and pictures go (out/demo)")
     return parser

@@ -33,7 +33,7 @@ class Announcer:
             self._since = tick.sim_time
             self._announce(tick, f"holding the last command: {reason}")
         elif self._reason and not reason:
-            self._announce(tick, f"following again after {tick.sim_time - self._since:.2f} s")
+            self._announce(tick, f"following after {tick.sim_time - self._since:.2f} s")
         if boot_id and boot_id != self._boot_id:
             if self._boot_id:
                 self._announce(tick, "the service was restarted")

@@ -3,7 +3,7 @@
 from importlib.util import find_spec
 
 _PACKAGES = {
-    "sim": ("mujoco", "rich", "imageio", "av", "PIL"),
+    "sim": ("mujoco", "rich", "imageio", "av", "PIL", "ruckig"),
     "service": ("pinocchio", "casadi", "aiohttp"),
 }
 

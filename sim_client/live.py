@@ -55,7 +55,8 @@ class LiveTable:
         trips = spread(1e3 * r.round_trip for r in reports if r.reply and r.round_trip is not None)
         _row(table, "solve round trip [ms]", trips, 2)
         for arm, name in enumerate(ARMS):
-            errors = spread(1e3 * difference(tick.wrists[arm], tick.targets[arm])[0] for tick in ticks if tick.targets)
+            pairs = [(tick.wrists[arm], target) for tick in ticks if (target := tick.targets[arm]) is not None]
+            errors = spread(1e3 * difference(*pair)[0] for pair in pairs)
             _row(table, f"{name} wrist off target [mm]", errors, 1)
         table.add_row("real-time factor", f"{factor:.3f}", "")
         return table

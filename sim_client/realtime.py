@@ -118,8 +118,6 @@ class Runner:
                     due, moved = tick_begin, moved + 1
                 lateness = max(tick_begin - due, 0.0)
                 report = self._loop.tick()
-                if report.targets and report.targets.valid:
-                    self._robot.show_targets(report.targets.left, report.targets.right)
                 self._robot.advance()
                 end = self._clock()
                 busy += end - tick_begin

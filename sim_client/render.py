@@ -17,6 +17,7 @@ from ik_proto.robots import RobotDescription
 from sim_client.model import body_pose
 from sim_client.offscreen import Image, Offscreen, fixed_camera, free_camera
 from sim_client.poses import difference
+from sim_client.report import ARMS
 from sim_client.robot import SimRobot
 from sim_client.trace import Tick
 from sim_client.trails import draw_trails
@@ -99,7 +100,10 @@ class Stage:
     def _take_pose(self, tick: Tick) -> None:
         self._robot.data.qpos[:] = tick.qpos
         mujoco.mj_kinematics(self._robot.model, self._robot.data)
-        self._robot.show_targets(*(tick.targets or tick.wrists))
+        left, right = (
+            wrist if target is None else target for wrist, target in zip(tick.wrists, tick.targets, strict=True)
+        )
+        self._robot.show_targets(left, right)
         mujoco.mj_forward(self._robot.model, self._robot.data)
 
     def _front_camera(self, description: RobotDescription) -> mujoco.MjvCamera:
@@ -119,9 +123,12 @@ class Stage:
         pen.rectangle((0, height - 40, width, height), fill=_PAPER)
         state, ink = ("holding", _WARNING) if tick.holding else ("following", _INK)
         pen.text((16, height - 33), f"{tick.sim_time:5.1f} s   {state}", font=self._font, fill=ink)
-        if tick.targets:
-            errors = [difference(*pair)[0] * 1e3 for pair in zip(tick.wrists, tick.targets, strict=True)]
-            text = f"left {errors[0]:.0f} mm   right {errors[1]:.0f} mm off target"
+        pairs = zip(ARMS, tick.wrists, tick.targets, strict=True)
+        errors = [
+            f"{arm} {1e3 * difference(wrist, target)[0]:.0f} mm" for arm, wrist, target in pairs if target is not None
+        ]
+        if errors:
+            text = "   ".join(errors) + " off target"
             pen.text((width - 16, height - 33), text, font=self._font, fill=_INK, anchor="ra")
         return np.asarray(canvas)
 

@@ -52,7 +52,7 @@ class RunReport:
         schedule_moves: How often the schedule was moved after a long gap.
         ticks_without_command: Ticks for which the robot got no command; counted at the robot.
         tracking_ticks: Ticks that followed.
-        holding_ticks: Ticks that held the last command.
+        holding_ticks: Ticks in which both arms came to rest and held.
         hold_reasons: Ticks held for each reason.
         statuses: Answers of each status.
         largest_step: Largest change of a joint's command between two ticks [rad].
@@ -123,7 +123,7 @@ def summarise(
         The report. Statistics cover the ticks the trace kept.
     """
     ticks = list(trace)
-    following = [tick for tick in ticks if not tick.holding and tick.targets]
+    following = [tick for tick in ticks if not tick.holding]
     errors = {arm: [difference(*pair) for pair in _pairs(following, i)] for i, arm in enumerate(ARMS)}
     answered = [tick.report for tick in ticks if tick.report.reply and tick.report.round_trip is not None]
     commands = np.array([tick.report.command.q for tick in ticks])
@@ -146,7 +146,9 @@ def summarise(
         wrist_error_deg={arm: spread(float(np.degrees(angle)) for _, angle in errors[arm]) for arm in ARMS},
         answer_error_mm={
             arm: spread(
-                1e3 * float(t.report.position_error[i]) for t in following if t.report.position_error is not None
+                1e3 * float(t.report.position_error[i])
+                for t in following
+                if t.report.position_error is not None and t.targets[i] is not None
             )
             for i, arm in enumerate(ARMS)
         },
@@ -158,7 +160,7 @@ def summarise(
 
 def _pairs(ticks: list[Tick], arm: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """Actual wrist and target of one arm."""
-    return [(tick.wrists[arm], tick.targets[arm]) for tick in ticks if tick.targets]
+    return [(tick.wrists[arm], target) for tick in ticks if (target := tick.targets[arm]) is not None]
 
 
 def _machine() -> dict[str, str]:

@@ -11,7 +11,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.live import Live
 
-from ik_client import IKClient, StepLimiter, TargetSource, TeleopLoop, WeightedMovingFilter
+from ik_client import IKClient, Limiter, StepLimiter, TeleopLoop, WeightedMovingFilter
+from ik_client.joint_limiter import JointLimiter, MotionLimits
 from ik_proto.robots import RobotDescription, load_description
 from sim_client.arms import ArmKinematics
 from sim_client.events import Announcer
@@ -21,11 +22,15 @@ from sim_client.paths import ScriptedPath
 from sim_client.pictures import write_pictures
 from sim_client.realtime import Observer, Runner
 from sim_client.report import RunReport, report_lines, report_table, summarise
-from sim_client.robot import SimRobot
+from sim_client.robot import CONTROL_PERIOD, SimRobot
 from sim_client.settings import SCRIPT_DURATION, Settings, SettingsError
-from sim_client.sources import Approach, MarkerSource
+from sim_client.sources import Approach, Markers, Motion, ScriptedOperator, scripted_arm
+from sim_client.target_display import TargetDisplay
 from sim_client.trace import Trace
 from sim_client.window import Window, display_fault
+
+START_TIME = 0.1
+"""How long it takes to grip, and to align, once the robot's end is ready [s]."""
 
 _INFO_TIMEOUT = 2.0
 
@@ -53,28 +58,35 @@ def run_session(settings: Settings, console: Console, extra: Sequence[Observer] 
         console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     description = load_description(settings.robot)
-    robot = SimRobot(description)
+    robot = SimRobot(description, ramp=settings.ramp)
     trace = Trace()
     with contextlib.ExitStack() as stack:
         client = stack.enter_context(_connect(settings, description))
         announcer = Announcer(say, client.boot_id)
         window = _open_window(settings, robot, say)
-        observers: list[Observer] = [trace, announcer]
+        arms = ArmKinematics(description)
+        motion = _motion(settings, robot, arms)
+        operator = ScriptedOperator(motion, lambda: robot.read().ready)
+        observers: list[Observer] = [operator, trace, announcer]
+        if not settings.drag:
+            observers.append(TargetDisplay(robot))
         if window:
             stack.callback(window.close)
             observers.append(window)
         if console.is_terminal:
             observers.append(LiveTable(stack.enter_context(Live(console=console, auto_refresh=False, transient=True))))
-        source, length = _source(settings, robot)
         loop = TeleopLoop(
             client,
-            source,
+            operator,
             robot,
-            StepLimiter(settings.max_step),
+            _limiter(settings, arms),
+            arms=(scripted_arm(), scripted_arm()),
             smoothing=WeightedMovingFilter() if settings.smooth else None,
             feed_forward=settings.feed_forward,
+            period=CONTROL_PERIOD,
         )
-        duration = settings.duration or length or (None if window else SCRIPT_DURATION)
+        whole = None if motion.length is None else motion.length + settings.ramp + START_TIME
+        duration = settings.duration or whole or (None if window else SCRIPT_DURATION)
         runner = Runner(loop, robot, [*observers, *extra])
         follows = f"{description.name} follows {_name_of(settings)} through {settings.url}; Ctrl-C ends the run"
         pace = runner.run(duration, window.is_open if window else lambda: True, announce=lambda: say(follows))
@@ -126,11 +138,17 @@ def _name_of(settings: Settings) -> str:
     return f"the recording {settings.motion.name}" if settings.motion else f"the path '{settings.path}'"
 
 
-def _source(settings: Settings, robot: SimRobot) -> tuple[TargetSource, float | None]:
-    """Where targets come from, and how long they last [s]; None if for ever."""
+def _motion(settings: Settings, robot: SimRobot, arms: ArmKinematics) -> Motion:
+    """What the operator's hands do."""
     if settings.drag:
-        return MarkerSource(robot), None
-    arms = ArmKinematics(robot.description)
+        return Markers(robot)
     motion = RecordedMotion(settings.motion, arms) if settings.motion else ScriptedPath(settings.path, arms)
-    source = Approach(motion, robot.wrists())
-    return source, source.length
+    return Approach(motion, robot.wrists())
+
+
+def _limiter(settings: Settings, arms: ArmKinematics) -> Limiter:
+    """The seeds' clip where a step was given, else bounds of velocity, acceleration and jerk."""
+    if settings.max_step is not None:
+        return StepLimiter(settings.max_step)
+    limits = MotionLimits(settings.max_velocity)
+    return JointLimiter(len(arms.joint_names), CONTROL_PERIOD, limits, lower=arms.lower, upper=arms.upper)

@@ -34,14 +34,13 @@ class Tick:
     busy: float
 
     @property
-    def targets(self) -> tuple[Array, Array] | None:
-        """Targets the loop worked with, left and right, shape (4, 4) each [m]; None where there were none."""
-        targets = self.report.targets
-        return (targets.left, targets.right) if targets and targets.valid else None
+    def targets(self) -> tuple[Array | None, Array | None]:
+        """Target of each wrist, left and right, shape (4, 4) [m]; None where the arm followed no hand."""
+        return self.report.targets
 
     @property
     def holding(self) -> bool:
-        """Whether the loop held its last command."""
+        """Whether both arms came to rest and held."""
         return self.report.state is LoopState.HOLDING
 
 

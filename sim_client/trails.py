@@ -35,7 +35,7 @@ def draw_trails(scene: mujoco.MjvScene, ticks: Sequence[Tick], T_world_pelvis: A
     picked = recent[(len(recent) - 1) % _STRIDE :: _STRIDE]
     for arm, colour in enumerate(COLOURS):
         wrists = [tick.wrists[arm] for tick in picked]
-        targets = [None if tick.targets is None else tick.targets[arm] for tick in picked]
+        targets = [tick.targets[arm] for tick in picked]
         _draw_trail(scene, targets, _TARGET_COLOUR, _TARGET_WIDTH, T_world_pelvis)
         _draw_trail(scene, wrists, np.array(colour), _WRIST_WIDTH, T_world_pelvis)
 

@@ -3,28 +3,44 @@
 Importing it loads numpy, msgpack and orjson; Zenoh when a `zenoh://` address is used, and nothing heavier ever.
 """
 
+from ik_client.absolute_clutch import ABSOLUTE_FALL, AbsoluteClutch
+from ik_client.authority import Authority
 from ik_client.client import IKClient
 from ik_client.clutch import Clutch
 from ik_client.engagement import ArmEngagement, ArmStep
-from ik_client.errors import BadRequest, IKError, ProtocolMismatch, Refused, ServiceTimeout, ServiceUnavailable
+from ik_client.errors import (
+    BadRequest,
+    IKError,
+    ProtocolMismatch,
+    Refused,
+    ServiceTimeout,
+    ServiceUnavailable,
+    Unauthorized,
+)
 from ik_client.gate import Gated, GateLimits, PoseGate
 from ik_client.hand import HandSample
 from ik_client.limiter import StepLimiter
 from ik_client.state_machine import ArmState, StateMachine
-from ik_client.teleop import LoopState, Seed, TeleopLoop, TickReport
-from ik_client.types import Command, Limiter, RobotPort, RobotState, Solver, TargetSource, WristTargets
+from ik_client.teleop import TeleopLoop
+from ik_client.tick_report import LoopState, Seed, TickReport
+from ik_client.types import Command, Hands, HandSource, Limiter, RobotPort, RobotState, Solver
 from ik_proto.smoothing import WeightedMovingFilter
 
 __all__ = [
+    "ABSOLUTE_FALL",
+    "AbsoluteClutch",
     "ArmEngagement",
     "ArmState",
     "ArmStep",
+    "Authority",
     "BadRequest",
     "Clutch",
     "Command",
     "GateLimits",
     "Gated",
     "HandSample",
+    "HandSource",
+    "Hands",
     "IKClient",
     "IKError",
     "Limiter",
@@ -40,9 +56,8 @@ __all__ = [
     "Solver",
     "StateMachine",
     "StepLimiter",
-    "TargetSource",
     "TeleopLoop",
     "TickReport",
+    "Unauthorized",
     "WeightedMovingFilter",
-    "WristTargets",
 ]

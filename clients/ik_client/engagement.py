@@ -11,6 +11,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from ik_client.absolute_clutch import AbsoluteClutch
 from ik_client.authority import Authority
 from ik_client.clutch import Clutch
 from ik_client.gate import PoseGate, Verdict
@@ -54,7 +55,7 @@ class ArmEngagement:
         self,
         *,
         gate: PoseGate | None = None,
-        clutch: Clutch | None = None,
+        clutch: Clutch | AbsoluteClutch | None = None,
         machine: StateMachine | None = None,
         authority: Authority | None = None,
     ) -> None:
@@ -62,7 +63,7 @@ class ArmEngagement:
 
         Args:
             gate: Judges the hand.
-            clutch: Maps the hand's motion to the wrist.
+            clutch: Maps the hand to the wrist: its motion, or its place.
             machine: The states.
             authority: The ramp.
         """

@@ -1,21 +1,36 @@
 """The limiter: every joint's velocity, acceleration and jerk stay within bounds, whatever is wanted. The last link.
 
 - Everything is relative to the last command, not to the measured joints: a lagging arm does not slow the command down.
-- Each joint is on the time-optimal way to rest at its goal, computed anew every tick.
+- Each joint is on the time-optimal way to its goal, computed anew every tick. A goal that moves is met at its own
+  speed, in the frame that moves with it: else a joint would lag behind by the way it needs to stop. One that stands
+  still, or leaps, is met at rest.
 - A joint whose goal is not finite brakes and holds. So holding is a goal like any other: no numbers at all.
 - With position limits, goals are clipped to them less an inset, and no joint overshoots it by more than the planner's
-  precision of 1e-7 rad. A command that starts outside moves inward only.
-- Where no plan can be computed the last one is continued: every plan ends at rest.
+  precision of 1e-7 rad: where one could not stop before it, all meet their goals at rest. A command that starts outside
+  moves inward only.
+- Where no plan can be computed the last one is continued if it ends at rest, else the joints brake.
 
 The time-optimal ways are those of ruckig (extra `teleop`), which is loaded when the first limiter is made. For
 OpenWBT's own clip of 0.01 rad per control tick, take `StepLimiter`.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ik_client.braking import stopping_points
+from ik_client.moving_goal import MovingGoal
 from ik_proto import Array
+
+if TYPE_CHECKING:
+    import ruckig
+
+_FAR = 1e3
+"""A goal further away than this is as far [rad]: numbers without bound would leave the arithmetic."""
+
+_MEETABLE = 0.95
+"""Fraction of the velocity limit up to which a moving goal is met: catching up needs some to spare."""
 
 RANGE_INSET = 0.05
 """How far within its position limits a joint is kept [rad]."""
@@ -84,6 +99,9 @@ class JointLimiter:
         # would only cost the planner its precision.
         self._horizon = velocity * (4.0 * self.period + velocity / acceleration + 2.0 * acceleration / jerk)
 
+        self._velocity_limit, self._acceleration_limit, self._jerk_limit = velocity, acceleration, jerk
+        self._moving_goal = MovingGoal(self.period, _MEETABLE * velocity)
+
         self._planner = ruckig.Ruckig(n)
         self._error = ruckig.RuckigError
         self._to_position = ruckig.ControlInterface.Position
@@ -91,7 +109,6 @@ class JointLimiter:
         self._plan, self._spare = ruckig.Trajectory(n), ruckig.Trajectory(n)
         self._input = ruckig.InputParameter(n)
         self._input.synchronization = ruckig.Synchronization.No
-        self._input.max_velocity = velocity.tolist()
         self._input.max_acceleration = acceleration.tolist()
         self._input.max_jerk = jerk.tolist()
         self._restart(np.full(n, np.nan))  # No command yet: whatever comes first is a start.
@@ -109,7 +126,10 @@ class JointLimiter:
     @property
     def resting_point(self) -> Array:
         """Where the joints come to rest if nothing else is wanted, shape (n,) [rad]; NaN before the first command."""
-        return self._rest.copy()
+        still = np.zeros(len(self._q))
+        if not self._planned or not self._compute(self._q, still, np.ones(len(self._q), dtype=bool)):
+            return self._q.copy()
+        return np.array(self._spare.at_time(self._spare.duration)[0])
 
     def limit(self, q_last: Array, q_wanted: Array, dt: float | None = None) -> Array:
         """Move from the last command towards the wanted joints.
@@ -130,20 +150,29 @@ class JointLimiter:
             if np.shape(q_last) != self._q.shape or not np.isfinite(q_last).all():
                 raise ValueError(f"the last command must be {len(self._q)} finite numbers and is not")
             self._restart(q_last)
-        if self._replan(q_wanted):
-            self._age = 0.0
-        self._age += self._clamped(dt)
-        if self._planned:
-            q, velocity, acceleration = self._plan.at_time(self._age)
-            self._q, self._velocity, self._acceleration = np.array(q), np.array(velocity), np.array(acceleration)
+        step = self._clamped(dt)
+        if not (self._meet(q_wanted, step) or self._go_on(step)):
+            self._brake(step)
         return self._q.copy()
+
+    def resume(self, q: Array, velocity: Array, acceleration: Array) -> None:
+        """Take over a motion that something else has brought here: `limit` goes on from it.
+
+        Args:
+            q: Where the joints are, shape (n,) [rad], finite.
+            velocity: How they move, shape (n,) [rad/s].
+            acceleration: How that changes, shape (n,) [rad/s^2].
+        """
+        self._q, self._velocity, self._acceleration = np.array(q), np.array(velocity), np.array(acceleration)
+        self._planned = False
 
     def _restart(self, q: Array) -> None:
         self._q = np.array(q, dtype=np.float64)
         self._velocity = np.zeros(len(self._q))
         self._acceleration = np.zeros(len(self._q))
-        self._rest = self._q.copy()
+        self._moving_goal.forget()
         self._age = 0.0
+        self._ends_at_rest = True
         self._planned = False
 
     def _clamped(self, dt: float | None) -> float:
@@ -152,27 +181,71 @@ class JointLimiter:
         # In this order NaN takes the shortest step.
         return min(dt, 2.0 * self.period) if dt > 0.5 * self.period else 0.5 * self.period
 
-    def _replan(self, q_wanted: Array) -> bool:
-        """Plan the way to the wanted joints; False where that fails, and the last plan stays."""
+    def _meet(self, q_wanted: Array, step: float) -> bool:
+        """Take a step towards the wanted joints; False where there is no plan for it."""
         brakes = ~np.isfinite(q_wanted)
-        reachable = np.clip(np.where(brakes, self._q, q_wanted), self._q - self._horizon, self._q + self._horizon)
-        goal = np.clip(reachable, self._lower, self._upper)
+        wanted = np.where(brakes, self._q, np.clip(q_wanted, self._q - _FAR, self._q + _FAR))
+        wanted = np.clip(wanted, self._lower, self._upper)
+        goal = np.clip(wanted, self._q - self._horizon, self._q + self._horizon)
+        drift = self._moving_goal.speed(np.where(brakes, np.nan, wanted))
+        # A goal is where the joint shall be at the end of this step.
+        if drift.any() and self._compute(goal - drift * step, drift, brakes):
+            q, velocity, acceleration = self._at(self._spare, step, drift)
+            low, high = stopping_points(q, velocity, acceleration, self._acceleration_limit, self._jerk_limit)
+            if (low >= self._lower).all() and (high <= self._upper).all():
+                self._take(q, velocity, acceleration, step, ends_at_rest=False)
+                return True
+        still = np.zeros(len(goal))
+        if not self._compute(goal, still, brakes):
+            return False
+        self._take(*self._at(self._spare, step, still), step, ends_at_rest=True)
+        return True
+
+    def _go_on(self, step: float) -> bool:
+        """Continue the last plan; False where there is none, or it ends with a goal that moves on."""
+        if not (self._planned and self._ends_at_rest):
+            return False
+        self._age += step
+        self._q, self._velocity, self._acceleration = self._at(self._plan, self._age, np.zeros(len(self._q)))
+        return True
+
+    def _brake(self, step: float) -> None:
+        """Slow down at full acceleration, without regard to the jerk: what is left when planning fails."""
+        slower = np.maximum(np.abs(self._velocity) - self._acceleration_limit * step, 0.0) * np.sign(self._velocity)
+        self._q = self._q + 0.5 * step * (self._velocity + slower)
+        self._velocity, self._acceleration = slower, np.zeros(len(slower))
+
+    def _take(self, q: Array, velocity: Array, acceleration: Array, step: float, ends_at_rest: bool) -> None:
+        self._q, self._velocity, self._acceleration = q, velocity, acceleration
+        self._plan, self._spare = self._spare, self._plan
+        self._planned, self._age, self._ends_at_rest = True, step, ends_at_rest
+
+    def _compute(self, goal: Array, drift: Array, brakes: Array) -> bool:
+        """Compute the plan from where the joints are into the spare trajectory, in the frame that moves with the goal.
+
+        Args:
+            goal: Where the goal is when the plan begins, shape (n,) [rad].
+            drift: Velocity of the goal and of the frame, shape (n,) [rad/s]. Velocities in the frame are less by it, so
+                their bounds are not symmetrical.
+            brakes: Which joints have no goal and come to rest, shape (n,).
+        """
         plan = self._input
         plan.current_position = self._q.tolist()
-        plan.current_velocity = self._velocity.tolist()
+        plan.current_velocity = (self._velocity - drift).tolist()
         plan.current_acceleration = self._acceleration.tolist()
         plan.target_position = goal.tolist()
+        plan.max_velocity = (self._velocity_limit - drift).tolist()
+        plan.min_velocity = (-self._velocity_limit - drift).tolist()
         plan.per_dof_control_interface = [self._to_rest if brake else self._to_position for brake in brakes.tolist()]
         try:
-            failed = self._planner.calculate(plan, self._spare) < 0
+            return self._planner.calculate(plan, self._spare) >= 0
         except self._error:
-            failed = True
-        if failed:
             return False
-        self._plan, self._spare = self._spare, self._plan
-        self._planned = True
-        self._rest = np.array(self._plan.at_time(self._plan.duration)[0])
-        return True
+
+    def _at(self, plan: "ruckig.Trajectory", time: float, drift: Array) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations of a plan, out of its moving frame."""
+        q, velocity, acceleration = plan.at_time(time)
+        return np.array(q) + drift * time, np.array(velocity) + drift, np.array(acceleration)
 
 
 def _positive(value: float | Array, what: str, n: int) -> Array:

@@ -1,106 +1,55 @@
-"""The teleop loop: targets in, solve, limit, command out, once per tick.
+"""The teleop loop: hands in, solve, limit, command out, once per tick.
 
-| situation                                                        | state    | command                              |
-|------------------------------------------------------------------|----------|--------------------------------------|
-| targets valid, answer usable                                     | TRACKING | a limited step towards the answer    |
-| no or invalid targets, any error, no success, unusable answer    | HOLDING  | the last one again, bit for bit      |
+Each arm has its own gate, grip, states and clutch (`engagement`); both share the service, the robot and the limiter.
 
-- A command goes to the robot every tick, whatever happens. Before the first answer it is the measured joints of the
-  first tick, without torque. It never goes home by itself.
+| situation                                              | the arm                                             |
+|--------------------------------------------------------|-----------------------------------------------------|
+| active, answer usable                                  | a limited step towards the answer                   |
+| active, any error, no success, an unusable answer      | brakes within its limits in this tick, then goes on |
+| service or robot in trouble for longer than a moment   | holds, then disarms: see `state_machine`            |
+| another run of the service answers, the robot lets go  | disarms at once: going on takes a new grip          |
+| any other state                                        | brakes within its limits and holds                  |
+
+- A command goes to the robot every tick, whatever happens. Before any grip it is where the robot's end holds its joints
+  or, where it does not say, the joints measured first. It never goes home by itself.
 - The solve starts from the last command while every joint agrees with the measurement within `agreement`, else from the
   measured joints: a solver that starts from a sagging arm creeps after it.
+- An arm that holds while the other follows is solved for where it is. Should the answer need it elsewhere, to keep the
+  two apart, the other arm waits.
 - The measured waist, and the elbow directions and weights a tracker gives, go with every solve.
-- Leaving HOLDING needs nothing but a usable answer: the limiter bounds the way from the held command, so a service that
-  returns, or another that takes over, cannot make the robot jump.
-- The feed-forward torque advances by the same fraction of its way as the joints, and is held with them.
+- The feed-forward torque advances by the same fraction of its way as the joints of its arm, and is held with them.
 - Only a first tick that cannot read the robot raises: there is nothing to hold yet.
 
 This is not a safety function; the robot side keeps its own watchdog and limiter.
 """
 
+import secrets
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 
-from ik_client.types import Command, Limiter, RobotPort, RobotState, Solver, TargetSource, WristTargets
-from ik_proto import Array, Collision, SolveReply, Status
+from ik_client.arm_joints import SIDES, aligned, joints_of, torque_on_the_way
+from ik_client.engagement import ArmEngagement, ArmStep
+from ik_client.errors import ServiceTimeout, ServiceUnavailable
+from ik_client.resting_wrists import RestingWrists
+from ik_client.robot_watch import RobotWatch
+from ik_client.service_watch import ServiceWatch
+from ik_client.state_machine import ArmState
+from ik_client.tick_report import LoopState, Seed, TickReport
+from ik_client.types import Command, Hands, HandSource, Limiter, RobotPort, RobotState, Solver
+from ik_proto import Array, Collision, FkReply, SolveReply
 from ik_proto.smoothing import WeightedMovingFilter
 
+ALIGNMENT = 0.1
+"""Largest difference of a joint's command and measurement with which an arm may be engaged [rad]."""
 
-class LoopState(StrEnum):
-    """What the loop does."""
+HELD_STILL = 0.1
+"""How far an answer may move a joint of an arm that holds [rad]; beyond, the answer is not for this robot."""
 
-    TRACKING = "tracking"
-    HOLDING = "holding"
-
-
-class Seed(StrEnum):
-    """Where a solve started."""
-
-    COMMAND = "command"
-    MEASURED = "measured"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TickReport:
-    """What one tick did.
-
-    Attributes:
-        time: When it began [s].
-        state: Whether it followed or held.
-        reason: Why it held, in words that stay the same while the cause does; empty while tracking.
-        command: What was sent to the robot.
-        measured: What the robot measured; None where it could not be read.
-        targets: What the tracker wanted; None where it said nothing.
-        reply: The service's answer; None where there was none.
-        round_trip: How long the solve call took, successful or not [s]; None where none was made.
-        seed: Where the solve started; None where none was made.
-        fault: The exception that made it hold, if it was one.
-    """
-
-    time: float
-    state: LoopState
-    reason: str
-    command: Command
-    measured: RobotState | None = None
-    targets: WristTargets | None = None
-    reply: SolveReply | None = None
-    round_trip: float | None = None
-    seed: Seed | None = None
-    fault: Exception | None = None
-
-    @property
-    def status(self) -> Status | None:
-        """The answer's status; None without an answer."""
-        return self.reply.status if self.reply else None
-
-    @property
-    def position_error(self) -> Array | None:
-        """Distance of each wrist from its target at the answer, left and right, shape (2,) [m]; None without one."""
-        return self.reply.position_error if self.reply else None
-
-    @property
-    def rotation_error(self) -> Array | None:
-        """Angle between each wrist and its target at the answer, shape (2,) [rad]; None without one."""
-        return self.reply.rotation_error if self.reply else None
-
-    @property
-    def clearance(self) -> float | None:
-        """Smallest distance between two parts of the body at the answer [m]; None where it was not measured."""
-        return self.reply.clearance if self.reply else None
-
-    @property
-    def solve_us(self) -> float | None:
-        """Time the service spent solving [us]; None without an answer."""
-        return self.reply.solve_us if self.reply else None
-
-    @property
-    def boot_id(self) -> str:
-        """The run of the service that answered; empty without an answer."""
-        return self.reply.boot_id if self.reply else ""
+_NO_HANDS = Hands(None, None)
+_UNDER_WAY = frozenset({ArmState.ACTIVE, ArmState.HOLD})
+_ENGAGED = _UNDER_WAY | {ArmState.ALIGNING}
 
 
 class _Hold(Exception):
@@ -113,55 +62,116 @@ class _Tick:
     def __init__(self, now: float) -> None:
         self.time = now
         self.measured: RobotState | None = None
-        self.targets: WristTargets | None = None
+        self.hands = _NO_HANDS
         self.reply: SolveReply | None = None
         self.round_trip: float | None = None
         self.seed: Seed | None = None
+        self.reason = ""
+        self.fault: Exception | None = None
+
+    def note(self, error: Exception) -> str:
+        """Keep the first thing that went wrong; give it in one line."""
+        text = str(error) if isinstance(error, _Hold) else _one_line(error)
+        if not self.reason:
+            self.reason, self.fault = text, None if isinstance(error, _Hold) else error
+        return text
 
 
 class TeleopLoop:
-    """Follows a tracker with a robot's arms through an IK service. One tick per call, paced by the caller."""
+    """Follows an operator's hands with a robot's arms through an IK service. One tick per call, paced by the caller.
+
+    Attributes:
+        session: Random name of this run, part of every command.
+    """
 
     def __init__(
         self,
         ik: Solver,
-        source: TargetSource,
+        source: HandSource,
         port: RobotPort,
         limiter: Limiter,
         *,
+        arms: tuple[ArmEngagement, ArmEngagement] | None = None,
         smoothing: WeightedMovingFilter | None = None,
         feed_forward: bool = False,
         collision: Collision | None = None,
         agreement: float = 0.3,
+        period: float | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Put the parts together; nothing moves before the first tick.
+        """Put the parts together; nothing moves before a hand is engaged.
 
         Args:
             ik: An `IKClient`, or anything that solves like it. Its timeout should be shorter than a tick.
             source: The tracker.
-            port: The robot.
+            port: The robot. The first half of its joints is the left arm, the second the right.
             limiter: Bounds the way from one command to the next.
+            arms: How the left and the right hand engage; None for the defaults: gate, hold-to-run grip and a clutch
+                relative to where the hand was gripped.
             smoothing: Filter over the answers, in front of the limiter.
             feed_forward: Send the gravity torque along with the joints; else the torque is zero.
             collision: What to do about self-collision, as in `IKClient.solve`; None takes the service's default.
             agreement: Largest difference of a joint's command and measurement with which the command still counts as
                 where the arm is [rad].
+            period: Time of the robot from one command to the next, where it is not that of the clock, as in a simulation
+                that advances by a tick for each command [s]; None for the clock's.
             clock: Monotonic time [s].
         """
+        self.session = secrets.token_hex(6)
         self._ik = ik
         self._source = source
         self._port = port
         self._limiter = limiter
+        self._arms = arms or (ArmEngagement(), ArmEngagement())
         self._smoothing = smoothing
         self._feed_forward = feed_forward
         self._collision: Collision | None = collision
         self._agreement = agreement
+        self._period = period
         self._clock = clock
+        self._service = ServiceWatch()
+        self._robot = RobotWatch()
+        self._wrists = RestingWrists(self._fk)
         self._last: Command | None = None
+        self._fault = ""
+        self._clear = False
+
+    @property
+    def states(self) -> tuple[ArmState, ArmState]:
+        """State of the left and of the right arm."""
+        left, right = self._arms
+        return left.state, right.state
+
+    def stop(self, reason: str = "stopped") -> None:
+        """Disarm both arms. The states have changed when this returns; the next tick brakes and tells the robot.
+
+        Args:
+            reason: Why, in one line.
+        """
+        now = self._clock()
+        for arm in self._arms:
+            arm.stop(now, reason)
+
+    def fault(self, reason: str) -> None:
+        """Disarm both arms in the next tick, until a person has looked and `clear` is called.
+
+        Args:
+            reason: What is wrong, in one line.
+        """
+        self._fault = reason
+
+    def clear(self) -> None:
+        """Say that a person has looked at the fault. Following again takes a new grip."""
+        self._fault, self._clear = "", True
+
+    def release(self) -> None:
+        """Disarm, and tell the robot to take its arms back: the last thing a loop does, and only on purpose."""
+        self.stop("released")
+        if self._last is not None:
+            self._send(self._last.q, self._last.tau, self._clock(), release=True)
 
     def tick(self) -> TickReport:
-        """Read, solve, limit, send.
+        """Read, judge the hands, solve, limit, send.
 
         Returns:
             What was done and why.
@@ -173,79 +183,203 @@ class TeleopLoop:
         if self._last is None:
             tick.measured = self._port.read()
             self._last = _first_command(tick.measured, tick.time)
-        state, reason, fault = LoopState.TRACKING, "", None
-        try:
-            q, tau = self._follow(tick, self._last)
-        except _Hold as hold:
-            state, reason = LoopState.HOLDING, str(hold)
-        # Whatever goes wrong in a tracker, a client or a driver, the robot must be told to hold in this very tick.
-        except Exception as error:
-            state, reason, fault = LoopState.HOLDING, _one_line(error), error
-        if state is LoopState.HOLDING:
-            q, tau = self._last.q, self._last.tau
-        self._last = Command(_frozen(q), _frozen(tau), tick.time)
-        self._port.send(self._last)
+        last = self._last
+        robot_fault = self._read(tick, len(last.q))
+        self._robot.look(tick.measured, robot_fault, last.engaged, tick.time)
+        self._look_at_hands(tick)
+        steps = self._judge(tick, last)
+        goal, tau = self._goal(tick, steps, last)
+        tracking = goal is not None
+        q_wanted = goal if goal is not None else self._rest(tick, last)
+        q = self._limiter.limit(last.q, q_wanted, self._period or tick.time - last.time)
+        command = self._send(q, torque_on_the_way(last.q, q, q_wanted, last.tau, tau), tick.time)
         return TickReport(
             time=tick.time,
-            state=state,
-            reason=reason,
-            command=self._last,
+            state=LoopState.TRACKING if tracking else LoopState.HOLDING,
+            reason="" if tracking else tick.reason or _reason_of(steps),
+            command=command,
+            arms=steps,
             measured=tick.measured,
-            targets=tick.targets,
             reply=tick.reply,
             round_trip=tick.round_trip,
             seed=tick.seed,
-            fault=fault,
+            fault=tick.fault,
         )
 
-    def _follow(self, tick: _Tick, last: Command) -> tuple[Array, Array]:
-        """The next command's joints [rad] and torque [N m]; raises where the loop must hold."""
-        n = len(last.q)
-        measured = tick.measured = tick.measured or self._port.read()
-        _usable(measured.q, n, "the measured joints")
-        _usable(measured.dq, n, "the measured velocities")
-        targets = tick.targets = self._source.targets(tick.time)
-        if targets is None:
-            raise _Hold("no targets")
-        if not targets.valid:
-            raise _Hold("targets are not valid")
-        reply = tick.reply = self._solve(tick, targets, measured, last)
-        if not reply.success:
-            raise _Hold(f"{reply.status}: {reply.error}")
-        wanted = _usable(reply.sol_q, n, "the answer")
-        tau = _usable(reply.tau, n, "the answer's torque") if self._feed_forward else last.tau
-        if self._smoothing:
-            wanted = self._smoothing(wanted)
-        q = self._limiter.limit(last.q, wanted)
-        progress = _progress(last.q, q, wanted)
-        return q, (1.0 - progress) * last.tau + progress * tau
+    def _read(self, tick: _Tick, n: int) -> str:
+        """Read the robot, unless that was done; give what is wrong."""
+        try:
+            measured = tick.measured or self._port.read()
+            _usable(measured.q, n, "the measured joints")
+            _usable(measured.dq, n, "the measured velocities")
+            tick.measured = measured
+        except Exception as error:  # whatever a driver raises, the robot must be told to hold in this very tick
+            tick.measured = None
+            return tick.note(error)
+        return ""
 
-    def _solve(self, tick: _Tick, targets: WristTargets, measured: RobotState, last: Command) -> SolveReply:
+    def _look_at_hands(self, tick: _Tick) -> None:
+        try:
+            tick.hands = self._source.hands(tick.time) or _NO_HANDS
+        except Exception as error:  # a tracker's fault is a hand that is lost
+            tick.note(error)
+
+    def _judge(self, tick: _Tick, last: Command) -> tuple[ArmStep, ArmStep]:
+        """Take both arms a tick further."""
+        trouble = self._robot.trouble() or self._service.trouble(tick.time)
+        revoked = self._robot.revoked(tick.time) or self._service.revoked()
+        clear, self._clear = self._clear, False
+        waist = tick.measured.waist if tick.measured else None
+
+        def step(side: int, hand) -> ArmStep:
+            return self._arms[side].step(
+                hand,
+                tick.time,
+                wrist=lambda: self._wrists.at(self._resting_point(last), waist)[side],
+                aligned=tick.measured is not None and aligned(last.q, tick.measured.q, side, ALIGNMENT),
+                trouble=trouble,
+                revoked=revoked,
+                fault=self._fault,
+                clear=clear,
+            )
+
+        return step(0, tick.hands.left), step(1, tick.hands.right)
+
+    def _goal(self, tick: _Tick, steps: tuple[ArmStep, ArmStep], last: Command) -> tuple[Array | None, Array]:
+        """Joints to go to, NaN for those that shall rest, or None where none can; and the torque there [N m]."""
+        follows = [step.target is not None for step in steps]
+        if not any(follows):
+            if self._smoothing:
+                self._smoothing.reset()
+            self._look_for_service(tick, last)
+            return None, last.tau
+        try:
+            return self._follow(tick, steps, last)
+        except Exception as error:  # whatever goes wrong in a client, the robot must be told to hold in this very tick
+            tick.note(error)
+            return None, last.tau
+
+    def _look_for_service(self, tick: _Tick, last: Command) -> None:
+        """Find out whether a service in trouble is back, while no arm asks it anything."""
+        if self._service.trouble(tick.time):
+            try:
+                self._fk(last.q, None)
+            except Exception as error:
+                tick.note(error)
+
+    def _follow(self, tick: _Tick, steps: tuple[ArmStep, ArmStep], last: Command) -> tuple[Array, Array]:
+        """The goal where an arm has a target; raises where the tick cannot follow."""
+        n, measured = len(last.q), tick.measured
+        if measured is None:
+            raise _Hold("the robot cannot be read")
+        rest = self._resting_point(last)
+        targets = [step.target for step in steps]
+        if any(target is None for target in targets):
+            held = self._wrists.at(rest, measured.waist)
+            targets = [held[side] if target is None else target for side, target in enumerate(targets)]
+        reply = tick.reply = self._solve(tick, targets, measured, last)
+        try:
+            if not reply.success:
+                raise _Hold(f"{reply.status}: {reply.error}")
+            q = _usable(reply.sol_q, n, "the answer")
+            tau = _usable(reply.tau, n, "the answer's torque") if self._feed_forward else last.tau
+        except _Hold as hold:
+            self._service.failed(str(hold), tick.time)
+            raise
+        self._service.succeeded()
+        if self._smoothing:
+            q = self._smoothing(q)
+        goal, torque = np.full(n, np.nan), last.tau.copy()
+        for side, step in enumerate(steps):
+            arm = joints_of(side, n)
+            if step.target is not None:
+                goal[arm], torque[arm] = q[arm], tau[arm]
+            elif np.max(np.abs(q[arm] - rest[arm])) > HELD_STILL:
+                raise _Hold(f"the {SIDES[side]} arm, which holds, is in the way")
+        return goal, torque
+
+    def _solve(self, tick: _Tick, targets: list, measured: RobotState, last: Command) -> SolveReply:
         agrees = bool(np.all(np.abs(last.q - measured.q) <= self._agreement))
         tick.seed = Seed.COMMAND if agrees else Seed.MEASURED
-        seed = last.q if agrees else measured.q
         begin = self._clock()
         try:
-            return self._ik.solve(
-                targets.left,
-                targets.right,
-                seed,
+            reply = self._ik.solve(
+                targets[0],
+                targets[1],
+                last.q if agrees else measured.q,
                 measured.dq,
                 waist=measured.waist,
-                left_elbow=targets.left_elbow,
-                right_elbow=targets.right_elbow,
-                weights=targets.weights,
+                left_elbow=tick.hands.left_elbow,
+                right_elbow=tick.hands.right_elbow,
+                weights=tick.hands.weights,
                 collision=self._collision,
             )
+        except Exception as error:
+            self._service.failed(_one_line(error), tick.time, silent=_silence(error))
+            raise
         finally:
             tick.round_trip = self._clock() - begin
+        self._same_run(reply.boot_id)
+        return reply
+
+    def _fk(self, q: Array, waist: Array | None) -> FkReply:
+        try:
+            reply = self._ik.fk(q, waist)
+        except Exception as error:
+            self._service.failed(_one_line(error), self._clock(), silent=_silence(error))
+            raise
+        self._same_run(reply.boot_id)
+        self._service.heard(engaged=self._under_way)
+        return reply
+
+    @property
+    def _under_way(self) -> bool:
+        """Whether an arm follows, or may go on without another grip."""
+        return any(arm.state in _UNDER_WAY for arm in self._arms)
+
+    def _same_run(self, boot_id: str) -> None:
+        """Refuse an answer of another run of the service than the one an arm has followed so far."""
+        if not self._service.answered(boot_id, engaged=self._under_way):
+            raise _Hold("another run of the service answers now")
+
+    def _resting_point(self, last: Command) -> Array:
+        rest = self._limiter.resting_point
+        return rest if rest.shape == last.q.shape and np.isfinite(rest).all() else last.q
+
+    def _rest(self, tick: _Tick, last: Command) -> Array:
+        """The goal of a tick that follows nothing: rest, or towards where the robot's end holds its joints."""
+        measured = tick.measured
+        if measured is None or measured.q_set is None or measured.following or last.engaged:
+            return np.full(len(last.q), np.nan)
+        return measured.q_set
+
+    def _send(self, q: Array, tau: Array, now: float, release: bool = False) -> Command:
+        command = Command(
+            _frozen(np.array(q)),
+            _frozen(np.array(tau)),
+            now,
+            session=self.session,
+            seq=self._last.seq + 1 if self._last else 1,
+            boot_id=self._service.boot_id,
+            engaged=any(arm.state in _ENGAGED for arm in self._arms),
+            release=release,
+        )
+        self._last = command
+        self._port.send(command)
+        return command
 
 
 def _first_command(measured: RobotState, now: float) -> Command:
-    q = np.array(measured.q, dtype=np.float64)
+    """Where the robot holds its joints, or where they are; not to be sent."""
+    q = np.array(measured.q if measured.q_set is None else measured.q_set, dtype=np.float64)
     if q.ndim != 1 or not np.isfinite(q).all():
         raise ValueError("the robot's first measurement is not a finite joint vector, so there is nothing to hold")
-    return Command(q, np.zeros(len(q)), now)
+    return Command(_frozen(q), _frozen(np.zeros(len(q))), now)
+
+
+def _silence(error: Exception) -> bool:
+    """Whether an error says that nothing was heard of the service."""
+    return isinstance(error, ServiceUnavailable | ServiceTimeout)
 
 
 def _usable(vector: Array | None, n: int, what: str) -> Array:
@@ -255,10 +389,9 @@ def _usable(vector: Array | None, n: int, what: str) -> Array:
     return vector
 
 
-def _progress(q_last: Array, q_next: Array, q_wanted: Array) -> float:
-    """The fraction of the way that a limited step covers, 0 to 1."""
-    way = np.max(np.abs(q_wanted - q_last))
-    return min(1.0, float(np.max(np.abs(q_next - q_last)) / way)) if way > 0.0 else 1.0
+def _reason_of(steps: tuple[ArmStep, ArmStep]) -> str:
+    left, right = (step.reason for step in steps)
+    return left if left == right else "; ".join(f"{s}: {r}" for s, r in zip(SIDES, (left, right), strict=True) if r)
 
 
 def _one_line(error: Exception) -> str:

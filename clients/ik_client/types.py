@@ -7,28 +7,25 @@ frame (x forward, y left, z up). Times are those of the loop's clock [s]; nothin
 from dataclasses import dataclass
 from typing import Protocol
 
-from ik_proto import Array, Collision, Mode, SolveReply
+from ik_client.hand import HandSample
+from ik_proto import Array, Collision, FkReply, Mode, SolveReply
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WristTargets:
-    """Where a tracker wants the wrists.
+class Hands:
+    """What a tracker sees of its operator in a tick.
 
     Attributes:
-        left: Target of the left wrist, shape (4, 4) [m].
-        right: Target of the right wrist, shape (4, 4) [m].
-        time: When they were captured [s].
-        valid: Whether the tracker vouches for them; the loop holds where it does not.
+        left: The left hand; None where the tracker says nothing of it.
+        right: The right hand.
         left_elbow: Direction from the left shoulder to the left elbow and the confidence in it, shape (4,), as in
             `IKClient.solve`; None where the tracker does not see it.
         right_elbow: The same of the right arm.
         weights: Factors on how much each target counts, shape (2, 2), as in `IKClient.solve`; None for ones.
     """
 
-    left: Array
-    right: Array
-    time: float
-    valid: bool = True
+    left: HandSample | None
+    right: HandSample | None
     left_elbow: Array | None = None
     right_elbow: Array | None = None
     weights: Array | None = None
@@ -36,7 +33,7 @@ class WristTargets:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotState:
-    """What the robot measures.
+    """What the robot measures, and what its own end makes of the commands it gets.
 
     Attributes:
         q: Joint positions, shape (n,) [rad].
@@ -44,12 +41,21 @@ class RobotState:
         time: When they were measured [s].
         waist: Positions of the waist joints, shape (w,) [rad], in the order of `InfoReply.waist_joints`; None where the
             waist stays straight.
+        q_set: Where the robot's end holds its joints, shape (n,) [rad]; None where it does not say. It differs from the
+            command while that end does not follow.
+        ready: Whether the robot's end would follow.
+        following: Whether it does.
+        note: Why it is not ready, or does not follow; one line, empty where all is well.
     """
 
     q: Array
     dq: Array
     time: float
     waist: Array | None = None
+    q_set: Array | None = None
+    ready: bool = True
+    following: bool = True
+    note: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,12 +65,22 @@ class Command:
     Attributes:
         q: Joint positions, shape (n,) [rad].
         tau: Feed-forward torque, shape (n,) [N m].
-        time: When it was decided [s].
+        time: When it was decided [s], by the clock of who decided it.
+        session: Random name of the run of the loop that sends it.
+        seq: Number of the command in its session, rising.
+        boot_id: The run of the IK service that the motion comes from; empty where none was asked yet.
+        engaged: Whether an operator has engaged an arm. The robot's end follows `q` only after it has seen this rise.
+        release: Whether the loop is done with the robot, which shall take its arms back.
     """
 
     q: Array
     tau: Array
     time: float
+    session: str = ""
+    seq: int = 0
+    boot_id: str = ""
+    engaged: bool = False
+    release: bool = False
 
 
 class RobotPort(Protocol):
@@ -79,17 +95,17 @@ class RobotPort(Protocol):
         ...
 
 
-class TargetSource(Protocol):
+class HandSource(Protocol):
     """A tracker: a headset, a camera, a script, a recording."""
 
-    def targets(self, now: float) -> WristTargets | None:
-        """Say where the wrists shall be.
+    def hands(self, now: float) -> Hands | None:
+        """Say what the operator's hands do.
 
         Args:
             now: Time of the tick [s].
 
         Returns:
-            The targets, or None where there are none.
+            The latest look at them, or None where there is none.
         """
         ...
 
@@ -114,16 +130,26 @@ class Solver(Protocol):
         """Find joint positions for two wrist targets; see `IKClient.solve`."""
         ...
 
+    def fk(self, q: Array, waist: Array | None = None) -> FkReply:
+        """Say where the wrists are; see `IKClient.fk`."""
+        ...
+
 
 class Limiter(Protocol):
     """Bounds how fast commands change. The last link before the robot port."""
 
-    def limit(self, q_last: Array, q_wanted: Array) -> Array:
+    @property
+    def resting_point(self) -> Array:
+        """Where the joints come to rest if nothing else is wanted, shape (n,) [rad]; NaN before the first command."""
+        ...
+
+    def limit(self, q_last: Array, q_wanted: Array, dt: float | None = None) -> Array:
         """Move from the last command towards the wanted joints.
 
         Args:
             q_last: Last command, shape (n,) [rad], finite.
-            q_wanted: Where to go, shape (n,) [rad].
+            q_wanted: Where to go, shape (n,) [rad]; a joint without a finite goal comes to rest.
+            dt: Time since the last command [s]; None for an ordinary tick.
 
         Returns:
             The next command, shape (n,) [rad], finite. A new array.

@@ -1,31 +1,42 @@
 """The client and its loop against the real daemon: answers over both transports, and its hang, death and return."""
 
+import itertools
 import json
 import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
 from ik_client import (
+    ABSOLUTE_FALL,
+    AbsoluteClutch,
+    ArmEngagement,
+    ArmState,
+    Authority,
     BadRequest,
     Command,
+    GateLimits,
+    Hands,
+    HandSample,
     IKClient,
     LoopState,
+    PoseGate,
     RobotState,
     ServiceTimeout,
     ServiceUnavailable,
-    StepLimiter,
     TeleopLoop,
     TickReport,
-    WristTargets,
 )
+from ik_client.joint_limiter import JointLimiter, MotionLimits
 from ik_proto import MAX_BATCH
 
-STEP = 0.01
-TICKS_TO_RETURN = 3000
+TICK = 0.02
+LIMIT = 30.0
 
 
 @pytest.fixture(params=["tcp", "zenoh"])
@@ -116,7 +127,7 @@ def test_an_unknown_preset_is_refused_by_name(service_process, scheme):
 
 
 class Arm:
-    """Follows its commands exactly; the tracker asks for one pose of it."""
+    """Follows its commands exactly; its operator holds one pose of it, and grips again when disarmed."""
 
     def __init__(self, ik: IKClient) -> None:
         info = ik.info()
@@ -124,6 +135,7 @@ class Arm:
         goal = ik.fk(0.25 * info.upper)
         self.goal = goal.left_wrist, goal.right_wrist
         self.commands: list[Command] = []
+        self.grip = False
 
     def read(self) -> RobotState:
         return RobotState(self.q, np.zeros(len(self.q)), 0.0)
@@ -132,49 +144,88 @@ class Arm:
         self.commands.append(command)
         self.q = command.q
 
-    def targets(self, now: float) -> WristTargets:
-        return WristTargets(*self.goal, now)
+    def hands(self, now: float) -> Hands:
+        left, right = (HandSample(T, self.grip, now) for T in self.goal)
+        return Hands(left, right)
 
 
-def tick_until(loop: TeleopLoop, state: LoopState) -> TickReport:
-    for _ in range(TICKS_TO_RETURN):
-        report = loop.tick()
-        if report.state is state:
-            return report
-    raise AssertionError(f"never {state}: {report.reason}")
+def absolute_arm() -> ArmEngagement:
+    gate = PoseGate(GateLimits(freeze_time=float("inf")))
+    return ArmEngagement(gate=gate, clutch=AbsoluteClutch(), authority=Authority(fall=ABSOLUTE_FALL))
 
 
-def test_the_robot_holds_while_the_service_hangs_or_is_dead_and_resumes_without_a_jump(start_service, scheme):
+class Operated:
+    """A loop around an arm, with a clock that advances by a tick a tick, so that a slow machine changes nothing."""
+
+    def __init__(self, ik: IKClient) -> None:
+        self.arm = Arm(ik)
+        self.now = 0.0
+        arms = absolute_arm(), absolute_arm()
+        limiter = JointLimiter(len(self.arm.q), TICK)
+        self.loop = TeleopLoop(ik, self.arm, self.arm, limiter, arms=arms, clock=lambda: self.now)
+
+    def tick(self) -> TickReport:
+        self.now += TICK
+        return self.loop.tick()
+
+    def engage(self) -> TickReport:
+        """Let go and grip, again and again until the arm follows: a grip while the service is not heard is void."""
+        return self.tick_until(
+            lambda report: report.state is LoopState.TRACKING, grips=itertools.cycle([False] + 4 * [True])
+        )
+
+    def tick_until(self, true_of: Callable[[TickReport], bool], grips: Iterator[bool] | None = None) -> TickReport:
+        end = time.monotonic() + LIMIT
+        while time.monotonic() < end:
+            self.arm.grip = next(grips) if grips else self.arm.grip
+            report = self.tick()
+            if true_of(report):
+                return report
+        raise AssertionError(f"never: {report.reason}")
+
+    def disarmed(self) -> bool:
+        return self.loop.states == (ArmState.DISARMED, ArmState.DISARMED)
+
+
+def test_the_robot_holds_while_the_service_hangs_or_is_dead_and_goes_on_after_a_new_grip(start_service, scheme):
+    """Hazards: service crash, service restart, lost connection; with a real service, killed and stopped for real."""
     first = start_service()
     with IKClient(url_of(first, scheme), timeout=0.05) as ik:
-        arm = Arm(ik)
-        loop = TeleopLoop(ik, arm, arm, StepLimiter(STEP))
-        boot_id = tick_until(loop, LoopState.TRACKING).boot_id
+        operated = Operated(ik)
+        boot_id = operated.engage().boot_id
 
         first.process.send_signal(signal.SIGSTOP)
         try:
-            held = hold(loop)
+            hold(operated)
         finally:
             first.process.send_signal(signal.SIGCONT)
-        assert tick_until(loop, LoopState.TRACKING).boot_id == boot_id
+        assert operated.engage().boot_id == boot_id
 
         first.stop(signal.SIGKILL)
-        held = hold(loop)
+        held = hold(operated)
         start_service("--tcp", first.ready["tcp"], "--zenoh", first.ready["zenoh"])
-        assert tick_until(loop, LoopState.TRACKING).boot_id not in ("", boot_id)
+        for _ in range(20):
+            assert (
+                operated.tick().command.q.tobytes() == held.q.tobytes()
+            )  # the grip is still held, and counts no longer
+        assert operated.engage().boot_id not in ("", boot_id)
         for _ in range(100):
-            loop.tick()
-    assert np.abs(np.diff([command.q for command in arm.commands], axis=0)).max() <= STEP
-    assert np.abs(arm.commands[-1].q - held.q).max() > STEP
+            operated.tick()
+    q = np.array([command.q for command in operated.arm.commands])
+    limits = MotionLimits()
+    assert np.abs(np.diff(q, axis=0)).max() <= limits.velocity * TICK * 1.000001
+    assert np.abs(np.diff(q, 2, axis=0)).max() <= limits.acceleration * TICK**2 * 1.000001
+    assert np.abs(q[-1] - held.q).max() > 0.02
 
 
-def hold(loop: TeleopLoop) -> Command:
-    """The command that is held, after making sure that it is."""
-    held = tick_until(loop, LoopState.HOLDING).command
+def hold(operated: Operated) -> Command:
+    """The command that is held once both arms are disarmed, after making sure that it is."""
+    report = operated.tick_until(lambda report: report.state is LoopState.HOLDING)
+    assert isinstance(report.fault, ServiceUnavailable | ServiceTimeout)
+    held = operated.tick_until(lambda _: operated.disarmed()).command
     for _ in range(10):
-        report = loop.tick()
+        report = operated.tick()
         assert report.state is LoopState.HOLDING
-        assert isinstance(report.fault, ServiceUnavailable | ServiceTimeout)
         assert report.command.q.tobytes() == held.q.tobytes()
     return held
 

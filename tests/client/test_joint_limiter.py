@@ -180,6 +180,39 @@ def test_it_takes_the_time_that_is_optimal():
     assert np.abs(commands[ticks - 1] - distance).max() > 1e-9
 
 
+@pytest.mark.parametrize("frequency", [0.2, 0.5, 1.0])
+def test_a_goal_that_moves_is_followed_without_lag(frequency):
+    """A limiter that only ever aims at rest lags by v / 2a and more: 25 ms at 1 rad/s, which a hand feels."""
+    times = np.arange(0.0, 3.0, PERIOD)
+    goals = 0.25 * (1.0 - np.cos(2 * np.pi * frequency * times))
+    commands = run(JointLimiter(N, PERIOD), np.zeros(N), [np.full(N, goal) for goal in goals])
+    behind = np.abs(np.array(commands[1:])[:, 0] - goals)
+    fastest = 0.25 * 2 * np.pi * frequency
+    assert behind.max() <= 0.003 * fastest
+    assert_within(commands, [PERIOD] * len(commands))
+
+
+def test_a_goal_seen_more_seldom_than_it_ticks_is_followed_all_the_same():
+    times = np.arange(0.0, 3.0, 0.01)
+    seen = np.floor(times * 72.0) / 72.0
+    goals = 0.5 * (1.0 - np.cos(np.pi * seen))
+    commands = run(JointLimiter(N, 0.01), np.zeros(N), [np.full(N, goal) for goal in goals])
+    behind = np.array(commands[1:])[:, 0] - 0.5 * (1.0 - np.cos(np.pi * times))
+    assert np.sqrt(np.mean(behind**2)) <= 0.015  # at rest only: 0.05
+
+
+@given(st.floats(-3.0, 3.0), st.floats(0.0, 1.0), st.integers(1, 40))
+def test_a_goal_that_runs_into_the_limit_is_not_followed_beyond(speed, where, gap):
+    """Hazard: joint limits. However fast the goal came, and whenever it is lost, the joint stops within its range."""
+    lower, upper = np.full(N, -0.5), np.full(N, 0.5)
+    limiter = JointLimiter(N, PERIOD, lower=lower, upper=upper, inset=0.05)
+    start = np.full(N, where - 0.5) * 0.9
+    goals = [start + speed * PERIOD * k for k in range(40)]
+    commands = run(limiter, start, [*goals[:gap], *[np.full(N, np.nan)] * 30])
+    assert np.abs(commands).max() <= 0.45 + 1e-6
+    assert_within(commands, [PERIOD] * len(commands))
+
+
 class NoPlan:
     """A planner that finds nothing."""
 
@@ -195,6 +228,16 @@ def test_without_a_plan_the_last_one_is_continued_to_its_end():
     assert_within([*commands, *rest[1:]], [PERIOD] * (len(commands) + len(rest) - 1))
     np.testing.assert_allclose(rest[-1], limiter.resting_point, rtol=0, atol=1e-9)
     assert rest[-1][0] > 0.1
+
+
+def test_without_a_plan_a_joint_that_met_a_moving_goal_brakes():
+    limiter = JointLimiter(N, PERIOD)
+    commands = run(limiter, np.zeros(N), [np.full(N, 0.02 * k) for k in range(40)])
+    assert limiter.velocity[0] > 0.5
+    limiter._planner = NoPlan()
+    q = np.vstack([commands, run(limiter, commands[-1], [np.ones(N)] * 60)[1:]])
+    assert np.abs(np.diff(q, 2, axis=0)).max() <= MotionLimits().acceleration * PERIOD**2 * (1 + 1e-6)
+    np.testing.assert_array_equal(q[-1], q[-2])
 
 
 def test_without_any_plan_it_stays():

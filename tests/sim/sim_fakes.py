@@ -4,8 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ik_client import WristTargets
-from ik_proto import Array, SolveReply, Status
+from ik_client import ArmState, ArmStep, Hands, HandSample
+from ik_client.gate import Verdict
+from ik_client.state_machine import Event
+from ik_proto import Array, FkReply, SolveReply, Status
 
 # The right arm comes first in the file, a leg between the arms: order must not matter.
 TOY_MODEL = """
@@ -107,6 +109,13 @@ class FakeSolver:
         self.takes = takes
         self.fault: Exception | None = None
 
+    def fk(self, q: Array, waist: Array | None = None) -> FkReply:
+        if self.fault is not None:
+            raise self.fault
+        return FkReply(
+            success=True, error="", status=Status.OK, boot_id="first", left_wrist=np.eye(4), right_wrist=np.eye(4)
+        )
+
     def solve(self, left_wrist: Array, right_wrist: Array, q: Array, dq: Array, **options: object) -> SolveReply:
         self.clock.now += self.takes
         if self.fault is not None:
@@ -124,11 +133,21 @@ class FakeSolver:
         )
 
 
-class FixedTargets:
-    """Always the same two poses."""
+class SteadyHands:
+    """Always the same two poses, gripped as soon as the robot is ready."""
 
-    def __init__(self, left: Array, right: Array) -> None:
+    def __init__(self, left: Array, right: Array, ready: Callable[[], bool]) -> None:
         self.left, self.right = left, right
+        self.ready = ready
 
-    def targets(self, now: float) -> WristTargets:
-        return WristTargets(self.left, self.right, now)
+    def hands(self, now: float) -> Hands:
+        grip = self.ready()
+        return Hands(HandSample(self.left, grip, now), HandSample(self.right, grip, now))
+
+
+def steps_to(left: Array | None, right: Array | None) -> tuple[ArmStep, ArmStep]:
+    """What a report says of two arms that follow these targets; None for one that holds."""
+    follows = (ArmState.ACTIVE, Event.HELD, "", Verdict.OK, 1.0)
+    holds = (ArmState.DISARMED, Event.RELEASED, "not engaged", Verdict.OK, 0.0)
+    first, second = (ArmStep(*(holds if target is None else follows), target) for target in (left, right))
+    return first, second

@@ -15,8 +15,9 @@ import pytest
 
 from sim_client.gl import NoRendering, find_backend
 from sim_client.render import VIEW
+from sim_client.robot import CONTROL_PERIOD
 from sim_client.service_process import ServiceFailed, ServiceProcess
-from sim_client.settings import MAX_STEP
+from sim_client.settings import MAX_VELOCITY
 
 LIMIT = 100.0
 
@@ -81,7 +82,7 @@ def test_kill_shows_hold_and_resume_and_works_without_pictures(kernel_cache: Pat
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["ticks_without_command"] == 0
     assert report["holding_ticks"] > 0
-    assert report["largest_step"] <= MAX_STEP
+    assert report["largest_step"] <= MAX_VELOCITY * CONTROL_PERIOD * 1.000001
     assert not (tmp_path / "demo.mp4").exists()
     assert not answers(port_of(done.stdout))
 

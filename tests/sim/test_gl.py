@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rich.console import Console
+from sim_fakes import steps_to
 
 from ik_client import Command, LoopState, TickReport
 from ik_proto.robots import RobotDescription
@@ -64,7 +65,9 @@ def test_pictures_are_left_out_with_one_line(
 
     monkeypatch.setattr("sim_client.offscreen.find_backend", fail)
     robot = SimRobot(g1)
-    report = TickReport(0.0, LoopState.HOLDING, "no targets", Command(np.zeros(14), np.zeros(14), 0.0))
+    report = TickReport(
+        0.0, LoopState.HOLDING, "no targets", Command(np.zeros(14), np.zeros(14), 0.0), steps_to(None, None)
+    )
     tick = Tick(0, 0.02, report, robot.data.qpos.copy(), robot.wrists(), 0.0, 0.0)
     settings = Settings(url="tcp://x:1", video=tmp_path / "a.mp4", still=tmp_path / "a.png", eyes=tmp_path / "eyes")
     said: list[str] = []

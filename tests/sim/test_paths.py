@@ -12,7 +12,7 @@ from sim_client.arms import ArmKinematics
 from sim_client.paths import DEFAULT_PATH, PATHS, ScriptedPath
 from sim_client.poses import difference
 from sim_client.robot import CONTROL_PERIOD, SimRobot
-from sim_client.sources import APPROACH_TIME, Approach, MarkerSource
+from sim_client.sources import APPROACH_TIME, Approach, Markers
 
 MAX_SPEED = 1.0
 """[m/s] at a wrist."""
@@ -81,8 +81,7 @@ def test_the_service_can_follow(path: ScriptedPath, g1: RobotDescription, servic
     with IKClient(service_process.tcp_url, timeout=5.0) as client:
         margin = client.info().margin
         for i in range(round(12.0 / CONTROL_PERIOD)):
-            targets = source.targets(i * CONTROL_PERIOD)
-            reply = client.solve(targets.left, targets.right, q)
+            reply = client.solve(*source.poses(i * CONTROL_PERIOD), q)
             assert reply.status == "ok", f"at {i * CONTROL_PERIOD:.2f} s"
             assert reply.sol_q is not None
             assert reply.position_error is not None
@@ -95,21 +94,17 @@ def test_the_service_can_follow(path: ScriptedPath, g1: RobotDescription, servic
 
 def test_the_first_target_is_where_the_wrists_are(path: ScriptedPath, g1: RobotDescription) -> None:
     wrists = SimRobot(g1).wrists()
-    targets = Approach(path, wrists).targets(5000.0)
-    assert targets.valid
-    assert targets.time == 5000.0
-    np.testing.assert_array_equal(targets.left, wrists[0])
-    np.testing.assert_array_equal(targets.right, wrists[1])
+    np.testing.assert_array_equal(Approach(path, wrists).poses(0.0), wrists)
 
 
 def test_the_approach_joins_the_path_without_a_step(path: ScriptedPath, g1: RobotDescription) -> None:
     source = Approach(path, SimRobot(g1).wrists())
     ticks = round((APPROACH_TIME + 2.0) / CONTROL_PERIOD)
-    targets = [source.targets(5000.0 + i * CONTROL_PERIOD) for i in range(ticks)]
+    targets = [source.poses(i * CONTROL_PERIOD) for i in range(ticks)]
     for before, after in pairwise(targets):
-        for T_before, T_after in ((before.left, after.left), (before.right, after.right)):
+        for T_before, T_after in zip(before, after, strict=True):
             assert difference(T_before, T_after)[0] / CONTROL_PERIOD < MAX_SPEED
-    np.testing.assert_allclose(targets[-1].left, path.poses((ticks - 1) * CONTROL_PERIOD - APPROACH_TIME)[0], atol=1e-9)
+    np.testing.assert_allclose(targets[-1][0], path.poses((ticks - 1) * CONTROL_PERIOD - APPROACH_TIME)[0], atol=1e-9)
 
 
 def test_an_unknown_path_lists_the_known(g1_arms: ArmKinematics) -> None:
@@ -120,9 +115,7 @@ def test_an_unknown_path_lists_the_known(g1_arms: ArmKinematics) -> None:
 
 def test_markers_are_targets_where_they_are_dragged(g1: RobotDescription, g1_arms: ArmKinematics) -> None:
     robot = SimRobot(g1)
-    source = MarkerSource(robot)
+    source = Markers(robot)
     dragged = g1_arms.wrists(np.full(14, 0.2))
     robot.show_targets(*dragged)
-    targets = source.targets(1.0)
-    np.testing.assert_allclose(targets.left, dragged[0], atol=1e-12)
-    np.testing.assert_allclose(targets.right, dragged[1], atol=1e-12)
+    np.testing.assert_allclose(source.poses(1.0), dragged, atol=1e-12)

@@ -7,8 +7,9 @@ import imageio.v3 as iio
 import mujoco
 import numpy as np
 import pytest
+from sim_fakes import steps_to
 
-from ik_client import Command, LoopState, TickReport, WristTargets
+from ik_client import Command, LoopState, TickReport
 from ik_proto import Array
 from ik_proto.robots import RobotDescription
 from sim_client.arms import ArmKinematics
@@ -65,7 +66,7 @@ def ticks_of(g1: RobotDescription, arms: ArmKinematics, count: int, *, aside: fl
             state=LoopState.TRACKING,
             reason="",
             command=Command(q, np.zeros(14), 0.0),
-            targets=WristTargets(wrists[0] + shift, wrists[1] + shift, 0.0),
+            arms=steps_to(wrists[0] + shift, wrists[1] + shift),
         )
         ticks.append(Tick(i, 0.02 * (i + 1), report, robot.data.qpos.copy(), wrists, 0.0, 0.001))
     return ticks

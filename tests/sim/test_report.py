@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 from rich.live import Live
+from sim_fakes import steps_to
 
-from ik_client import Command, LoopState, TickReport, WristTargets
+from ik_client import Command, LoopState, TickReport
 from ik_proto import SolveReply, Status
 from sim_client.events import Announcer
 from sim_client.live import LiveTable
@@ -41,7 +42,7 @@ def make_tick(index: int, *, off: float = 0.0, turned: float = 0.0, hold: str = 
         state=LoopState.HOLDING if hold else LoopState.TRACKING,
         reason=hold,
         command=Command(np.full(4, 0.01 * index), np.zeros(4), 0.0),
-        targets=WristTargets(target, turned_target, 0.0),
+        arms=steps_to(target, turned_target),
         reply=None if hold else reply,
         round_trip=0.002,
     )
@@ -143,7 +144,7 @@ def test_a_change_is_announced_once() -> None:
         announcer.observe(tick)
     assert [line.split("s  ", 1)[1] for line in said] == [
         "holding the last command: nobody there",
-        "following again after 0.14 s",
+        "following after 0.14 s",
         "the service was restarted",
     ]
     assert announcer.lines == said

@@ -16,7 +16,7 @@ import pytest
 from sim_client.cli import EXIT_USAGE, main
 from sim_client.extras import missing_extra
 from sim_client.robot import CONTROL_PERIOD
-from sim_client.settings import MAX_STEP, Settings, SettingsError
+from sim_client.settings import MAX_VELOCITY, Settings, SettingsError
 
 LIMIT = 60.0
 """How long any single thing may take before the test gives up [s]."""
@@ -86,7 +86,7 @@ def read_report(path: Path) -> dict[str, Any]:
 def check_promises(report: dict[str, Any]) -> None:
     """What must hold on any machine, however slow."""
     assert report["ticks_without_command"] == 0
-    assert report["largest_step"] <= MAX_STEP
+    assert report["largest_step"] <= MAX_VELOCITY * CONTROL_PERIOD * 1.000001
     assert report["tracking_ticks"] + report["holding_ticks"] == report["ticks"]
     assert report["seconds"] == pytest.approx(report["ticks"] * CONTROL_PERIOD)
 
@@ -94,7 +94,7 @@ def check_promises(report: dict[str, Any]) -> None:
 @pytest.mark.parametrize("transport", ["tcp_url", "zenoh_url"])
 def test_follows_a_path(transport: str, service_process, start_sim, tmp_path: Path) -> None:
     url = getattr(service_process, transport)
-    sim = start_sim(url, "--duration", "3", "--feed-forward", "--report", str(tmp_path / "r.json"))
+    sim = start_sim(url, "--duration", "3", "--ramp", "0.1", "--feed-forward", "--report", str(tmp_path / "r.json"))
     code, out, err = sim.finish()
     assert (code, err) == (0, "")
     assert "\x1b" not in out
@@ -109,9 +109,8 @@ def test_follows_a_path(transport: str, service_process, start_sim, tmp_path: Pa
 
 def test_plays_a_recorded_motion(service_process, start_sim, shared_data: Path, tmp_path: Path) -> None:
     clip = shared_data / "motions" / "g1moves_M_Move1.npz"
-    sim = start_sim(
-        service_process.tcp_url, "--motion", str(clip), "--duration", "5", "--report", str(tmp_path / "r.json")
-    )
+    arguments = ["--motion", str(clip), "--duration", "5", "--ramp", "0.1", "--report", str(tmp_path / "r.json")]
+    sim = start_sim(service_process.tcp_url, *arguments)
     code, _, err = sim.finish()
     assert (code, err) == (0, "")
     report = read_report(tmp_path / "r.json")
@@ -138,10 +137,10 @@ def test_plays_a_whole_recording(
 
 def test_holds_while_the_service_is_dead_and_resumes(start_service, start_sim, tmp_path: Path) -> None:
     service = start_service("--zenoh", "off", "--http", "off")
-    sim = start_sim(service.tcp_url, "--duration", "600", "--report", str(tmp_path / "r.json"))
-    sim.wait_for("follows the path")
+    sim = start_sim(service.tcp_url, "--duration", "600", "--ramp", "0.1", "--report", str(tmp_path / "r.json"))
+    sim.wait_for("following")
     service.stop(signal.SIGKILL)
-    sim.wait_for("holding the last command")
+    sim.wait_for("holding the last command: Service")
     start_service("--tcp", service.ready["tcp"], "--zenoh", "off", "--http", "off")
     sim.wait_for("the service was restarted")
     code, _, err = sim.finish(signal.SIGTERM)
@@ -150,20 +149,20 @@ def test_holds_while_the_service_is_dead_and_resumes(start_service, start_sim, t
     check_promises(report)
     assert any("ServiceUnavailable" in reason for reason in report["hold_reasons"])
     assert report["tracking_ticks"] > 0
-    assert any("following again" in event for event in report["events"])
+    assert any("following after" in event for event in report["events"])
 
 
 def test_a_hung_service_does_not_stop_the_physics(start_service, start_sim, tmp_path: Path) -> None:
     service = start_service("--zenoh", "off", "--http", "off")
-    sim = start_sim(service.tcp_url, "--duration", "600", "--report", str(tmp_path / "r.json"))
-    sim.wait_for("follows the path")
+    sim = start_sim(service.tcp_url, "--duration", "600", "--ramp", "0.1", "--report", str(tmp_path / "r.json"))
+    sim.wait_for("following")
     service.process.send_signal(signal.SIGSTOP)
     try:
         assert "no answer" in sim.wait_for("holding the last command")
         time.sleep(HANG)
     finally:
         service.process.send_signal(signal.SIGCONT)
-    sim.wait_for("following again")
+    sim.wait_for("following after")
     code, _, _ = sim.finish(signal.SIGINT)
     assert code == 0
     report = read_report(tmp_path / "r.json")
@@ -267,7 +266,7 @@ def test_help_teaches_without_loading_mujoco() -> None:
     assert done.returncode == 0
     assert done.stdout.endswith("[]\n")
     text = re.sub(r"\s+", " ", done.stdout)
-    for words in ("examples:", "exit codes:", "which is 2 rad/s", "--feed-forward", "--eyes DIR"):
+    for words in ("examples:", "exit codes:", "--max-velocity", "--feed-forward", "--eyes DIR"):
         assert words in text
 
 
@@ -275,7 +274,8 @@ def test_defaults_in_the_help_are_those_of_the_settings() -> None:
     done = subprocess.run([sys.executable, "-m", "sim_client", "--help"], capture_output=True, text=True, timeout=LIMIT)
     text = re.sub(r"\s+", " ", done.stdout)
     settings = Settings(url="")
-    assert f"({settings.max_step:g}, which is {settings.max_step / CONTROL_PERIOD:g} rad/s" in text
+    assert f"largest velocity of a joint's command ({settings.max_velocity:g})" in text
+    assert f"hand its arms over ({settings.ramp:g})" in text
     assert f"less than {CONTROL_PERIOD:g} ({settings.timeout:g})" in text
     assert f"({settings.path})" in text
     assert f"({settings.robot})" in text
