@@ -9,6 +9,7 @@ REPO = Path(__file__).resolve().parents[2]
 ALLOWED = {
     "proto/ik_proto": {"ik_proto"},
     "clients/ik_client": {"ik_proto", "ik_client"},
+    "clients/xr_client": {"ik_proto", "ik_client", "xr_client"},
     "sim_client": {"ik_proto", "ik_client", "sim_client"},
     "ik_service": {"ik_proto", "ik_service"},
 }

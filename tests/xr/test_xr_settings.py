@@ -1,0 +1,86 @@
+"""The command's options, its mistakes in one line each, and its schedule."""
+
+from functools import partial
+
+import pytest
+
+from ik_client.robot_end import RobotLink
+from xr_client import session
+from xr_client.cli import EXIT_USAGE, main
+from xr_client.pacer import MAX_BACKLOG, Pacer
+from xr_client.settings import Settings, SettingsError
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"reference": "head"}, "standing, openwbt"),
+        ({"scale": 0.8, "arm_length": 0.6}, "give one"),
+        ({"scale": -1.0}, "positive"),
+        ({"scale": float("nan")}, "positive"),
+        ({"scale": 2.0, "reference": "openwbt"}, "absolute"),
+        ({"record": "a", "replay": "b"}, "do not go together"),
+        ({"port": 65536}, "--port 65536"),
+        ({"local_port": -1}, "--local-port -1"),
+    ],
+)
+def test_options_that_contradict_each_other(options, words):
+    with pytest.raises(SettingsError, match=words):
+        Settings(**options)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--replay", "absent.ikxr"], "absent.ikxr cannot be read"),
+        (["--reference", "head"], "choose one of"),
+        (["--robot", "tcp://127.0.0.1:1"], "robot tcp://127.0.0.1:1: no state"),
+        (["--robot", "nonsense"], "nonsense"),
+        (["--ca", "absent.pem"], "absent.pem holds no certificate"),
+    ],
+)
+def test_a_mistake_is_one_line(arguments, words, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    monkeypatch.setattr(session, "RobotLink", partial(RobotLink, connect_timeout=0.1))
+    assert main(arguments) == EXIT_USAGE
+    said = capsys.readouterr().err
+    assert said.startswith("ik-xr: ")
+    assert words in said
+    assert said.count("\n") == 1
+
+
+class FakeTime:
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def clock(self) -> float:
+        return self.now
+
+    def sleep(self, time: float) -> None:
+        self.now += time + 0.001  # every sleep is too long
+
+
+def test_oversleeping_does_not_add_up():
+    time = FakeTime()
+    pacer = Pacer(0.02, time.clock, time.sleep)
+    for _ in range(101):
+        pacer.wait()
+    assert time.now == pytest.approx(100 * 0.02 + 0.001)
+    assert (pacer.late, pacer.moved) == (0, 0)
+
+
+def test_a_short_delay_is_made_up_for_and_a_long_one_is_not():
+    time = FakeTime()
+    pacer = Pacer(0.02, time.clock, time.sleep)
+    pacer.wait()
+    time.now += 0.045
+    for _ in range(3):
+        pacer.wait()
+    assert time.now == pytest.approx(0.061)
+    assert (pacer.late, pacer.moved) == (1, 0)
+    time.now += 10.0
+    pacer.wait()
+    assert pacer.moved == 1
+    pacer.wait()
+    assert time.now > 10.061 + MAX_BACKLOG / 3
