@@ -22,6 +22,7 @@ EXPOSE 12345 7447
 # again, then and there.
 RUN ik-service info
 
+# On loopback until it is told otherwise. An address outside the container wants IK_TOKEN: docs/access.md.
 HEALTHCHECK --interval=5s --timeout=3s --start-period=60s \
     CMD ["ik-service", "healthcheck"]
 CMD ["ik-service", "serve"]

@@ -1,4 +1,4 @@
-"""The command `ik-service`: serve, info, healthcheck.
+"""The command `ik-service`: serve, info, healthcheck, token.
 
 Heavy packages are imported only by the command that needs them.
 """
@@ -22,7 +22,7 @@ exit codes:
   0  stopped cleanly by SIGTERM or Ctrl-C
   1  an unexpected fault; its traceback is printed
   2  a wrong option, configuration or robot; one line says which
-  3  an address is in use by another process
+  3  an address is in use by another process, or the robot is served already by another service
 """
 
 _SERVE_EPILOG = f"""\
@@ -32,6 +32,8 @@ examples:
   ik-service serve --zenoh off --smooth openwbt   for OpenWBT clients that expect filtered answers
   ik-service serve --robot my_robot.toml          another robot: a TOML beside its URDF or MJCF
   ik-service serve --config service.toml --log-format json
+  ik-service token ik.token                       write a fresh secret to a file, then serve other machines with it:
+  ik-service serve --tcp 0.0.0.0:12345 --token-file ik.token --tls-cert service.pem --tls-key service.key
 
 The configuration file is TOML with the names of the options: tcp = "127.0.0.1:12345", openwbt-lag = true.
 Options win over the file.
@@ -56,6 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _serve(options, started)
         if command == "info":
             return _info(options)
+        if command == "token":
+            return _token(options["file"])
         return _healthcheck(HostPort.parse(options["http"]))
     except AddressInUse as error:
         return _fail(str(error), EXIT_ADDRESS_IN_USE)
@@ -79,6 +83,12 @@ def _serve(options: dict, started: float) -> int:
         raise
     except OSError as error:
         return _fail(f"cannot listen: {error.strerror or error}", EXIT_USAGE)
+    except RuntimeError as error:
+        from ik_service.zenoh_server import DuplicateService  # Zenoh is not imported where it is off
+
+        if not isinstance(error, DuplicateService):
+            raise
+        return _fail(str(error), EXIT_ADDRESS_IN_USE)
     return EXIT_OK
 
 
@@ -111,6 +121,14 @@ def _info(options: dict) -> int:
     return EXIT_OK
 
 
+def _token(file: Path) -> int:
+    from ik_service.token_file import write_token
+
+    write_token(file)
+    print(f"{file} holds a fresh token that only you can read; serve with --token-file {file}")
+    return EXIT_OK
+
+
 def _healthcheck(address: HostPort) -> int:
     connection = http.client.HTTPConnection(address.host, address.port, timeout=2.0)
     try:
@@ -139,6 +157,8 @@ def _parser() -> argparse.ArgumentParser:
     _add_serve(commands)
     info = commands.add_parser("info", help="print what `serve` would serve", argument_default=argparse.SUPPRESS)
     _add_solver_options(info)
+    token = commands.add_parser("token", help="write a fresh secret, for --token-file, to a new file")
+    token.add_argument("file", metavar="FILE", type=Path, help="where; a file that exists is not overwritten")
     health = commands.add_parser("healthcheck", help="exit 0 if a service is ready, 1 if not (for containers)")
     health.add_argument("--http", metavar="HOST:PORT", default=DEFAULT_HTTP, help="its HTTP address (%(default)s)")
     return parser
@@ -164,9 +184,19 @@ def _add_serve(commands: argparse._SubParsersAction) -> None:
         "--zenoh-config", metavar="FILE", help="Zenoh configuration in JSON5, passed through: TLS, users, access (none)"
     )
     addresses.add_argument(
-        "--insecure",
-        action="store_true",
-        help="accept addresses that other machines can reach; nothing authenticates them",
+        "--replica", action="store_true", help="serve beside another service of this robot on the same Zenoh network"
+    )
+    access = serve.add_argument_group("who may ask; without any of these, only this machine")
+    access.add_argument(
+        "--token-file", metavar="FILE", help="clients must show the token in this file, or in $IK_TOKEN (none)"
+    )
+    access.add_argument("--tls-cert", metavar="FILE", help="PEM certificate: the TCP endpoint speaks TLS (none)")
+    access.add_argument("--tls-key", metavar="FILE", help="its PEM private key (none)")
+    access.add_argument(
+        "--tls-client-ca", metavar="FILE", help="serve clients with a certificate of this PEM authority only (none)"
+    )
+    access.add_argument(
+        "--insecure", action="store_true", help="accept addresses that other machines can reach, and ask nobody"
     )
     openwbt = serve.add_argument_group("for OpenWBT clients, on the TCP endpoint")
     openwbt.add_argument(

@@ -1,11 +1,13 @@
 """C source to shared library, compiled once per machine.
 
 Compiled libraries live in a per-user folder: `$IK_CACHE_DIR`, else `$XDG_CACHE_HOME/ik-service`, else
-`~/.cache/ik-service`. Because a library from there is executed, the folder must belong to this user and be writable
-by nobody else; one that is not is refused, and the library is built in a private temporary folder instead.
+`~/.cache/ik-service`. Because a library from there is executed, the folder must belong to this user, and nobody else
+may be able to write to it or to the folders above it. One that is not so is refused, and the library is built in a
+private temporary folder instead; where that cannot be trusted either, there is none.
 
 The name of a library is a hash of everything that decides its content: source, compiler, flags and CPU. The file ends
-in the SHA-256 of what comes before it, which the dynamic loader ignores; a truncated or altered file is rebuilt.
+in the SHA-256 of what comes before it, which the dynamic loader ignores; a truncated or altered file, and one that is
+not ours alone to write, is rebuilt.
 Files appear by rename, so two services that start together cannot see half a library.
 """
 
@@ -13,13 +15,14 @@ import hashlib
 import os
 import platform
 import shutil
-import stat
 import subprocess
 import tempfile
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+
+from ik_service.private_folder import folder_fault, is_private
 
 FLAGS = ("-std=gnu89", "-O3", "-march=native", "-fno-math-errno", "-fno-semantic-interposition", "-fPIC", "-shared")
 """Compiler flags. Not -ffast-math: the kernel relies on comparisons with NaN and on exact limits. In C89, CasADi writes
@@ -65,7 +68,7 @@ def library(source: str, folder: Path | None = None) -> Generator[Library]:
     """
     compiler = _find_compiler()
     folder = folder or cache_folder()
-    fault = _folder_fault(folder)
+    fault = folder_fault(folder)
     if not fault:
         path = folder / f"{_key(source, compiler)}.so"
         if not _is_intact(path):
@@ -73,6 +76,8 @@ def library(source: str, folder: Path | None = None) -> Generator[Library]:
         yield Library(path)
         return
     with tempfile.TemporaryDirectory(prefix="ik-service-") as private:
+        if second_fault := folder_fault(Path(private)):
+            raise CompileError(f"kernel cache {folder} not used: {fault}; nor {private}: {second_fault}")
         path = Path(private) / "kernel.so"
         _compile(source, compiler, path)
         yield Library(path, f"kernel cache {folder} not used: {fault}")
@@ -84,23 +89,6 @@ def cache_folder() -> Path:
         return Path(chosen)
     base = os.environ.get("XDG_CACHE_HOME")
     return (Path(base) if base else Path.home() / ".cache") / "ik-service"
-
-
-def _folder_fault(folder: Path) -> str:
-    """Create the folder if need be, and say why code from it cannot be trusted; empty when it can."""
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        folder.mkdir(mode=0o700, exist_ok=True)
-        status = folder.lstat()
-    except OSError as error:
-        return error.strerror or str(error)
-    if not stat.S_ISDIR(status.st_mode):
-        return "it is not a folder"
-    if status.st_uid != os.getuid():
-        return "it belongs to another user"
-    if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        return "others can write to it (chmod 700 it)"
-    return "" if os.access(folder, os.W_OK | os.X_OK) else "it is not writable"
 
 
 def _find_compiler() -> str:
@@ -138,6 +126,8 @@ def _cpu() -> str:
 
 
 def _is_intact(path: Path) -> bool:
+    if not is_private(path):
+        return False
     try:
         content = path.read_bytes()
     except OSError:

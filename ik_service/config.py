@@ -52,7 +52,12 @@ class Config:
         kernel: "c" compiles the solver, "vm" interprets it, "auto" compiles where a compiler is found.
         log_format: "json", "console", or "auto" for console on a terminal and JSON elsewhere.
         log_level: Least severe level that is logged.
-        insecure: Accept addresses that other machines can reach.
+        token_file: File with the token that every client must show; empty for none, or that of the environment.
+        tls_cert: PEM file with the certificate of the TCP endpoint; empty for no TLS.
+        tls_key: PEM file with its private key.
+        tls_client_ca: PEM file with the authorities whose clients the TCP endpoint serves; empty for no certificates.
+        replica: Serve beside another service of the same robot on the same Zenoh network.
+        insecure: Accept addresses that other machines can reach, although nothing asks who they are.
     """
 
     robot: str = "g1"
@@ -68,6 +73,11 @@ class Config:
     kernel: str = "auto"
     log_format: str = "auto"
     log_level: str = "info"
+    token_file: str = ""
+    tls_cert: str = ""
+    tls_key: str = ""
+    tls_client_ca: str = ""
+    replica: bool = False
     insecure: bool = False
 
     def __post_init__(self) -> None:
@@ -81,38 +91,18 @@ class Config:
                 raise ConfigError(f"{_flag(name)} must be one of {', '.join(choices)}, not {getattr(self, name)!r}")
         if self.tcp == OFF and self.zenoh == OFF:
             raise ConfigError("nothing to serve: --tcp and --zenoh are both off")
+        if bool(self.tls_cert) != bool(self.tls_key):
+            raise ConfigError("TLS needs both --tls-cert and --tls-key")
+        if self.tls_client_ca and not self.tls_cert:
+            raise ConfigError("--tls-client-ca asks for TLS: give --tls-cert and --tls-key too")
         try:
-            self._check_addresses()
+            for address in (self.tcp, self.http):
+                if address != OFF:
+                    HostPort.parse(address)
+            if self.zenoh != OFF:
+                locator_host(self.zenoh)
         except AddressError as error:
             raise ConfigError(str(error)) from None
-
-    def _check_addresses(self) -> None:
-        for flag, address in (("--tcp", self.tcp), ("--http", self.http)):
-            if address != OFF:
-                self._refuse_exposed(HostPort.parse(address), address, flag)
-        if self.zenoh != OFF:
-            self.check_locator(self.zenoh, "--zenoh")
-
-    def check_locator(self, locator: str, flag: str) -> None:
-        """Refuse a Zenoh locator other machines can reach, unless `insecure` accepts it.
-
-        Args:
-            locator: Where Zenoh would listen.
-            flag: The option it comes from, for the message.
-
-        Raises:
-            ConfigError: The locator is exposed.
-            AddressError: It is no locator.
-        """
-        host = locator_host(locator)
-        if host is not None:
-            self._refuse_exposed(host, locator, flag)
-
-    def _refuse_exposed(self, host: HostPort, address: str, flag: str) -> None:
-        if not host.loopback and not self.insecure:
-            raise ConfigError(
-                f"{flag} {address} exposes an unauthenticated service to the network: pass --insecure to accept that"
-            )
 
 
 def load_config(file: Path | None, flags: Mapping[str, Any]) -> Config:

@@ -11,23 +11,30 @@ import json
 import os
 import secrets
 import signal
+import ssl
 import sys
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Coroutine
+from dataclasses import dataclass, field
 from functools import partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from ik_proto import JSON
+from ik_service.access import Doorkeeper
 from ik_service.addresses import HostPort
-from ik_service.config import OFF, Config
+from ik_service.config import OFF, Config, ConfigError
+from ik_service.conversation import Conversation
 from ik_service.dispatcher import Dispatcher
 from ik_service.engine import Engine
+from ik_service.exposure import check_tcp_and_http, check_zenoh
 from ik_service.logs import configure_logs, is_json, log, values
 from ik_service.metrics import Metrics
 from ik_service.openwbt import OpenwbtConnection
 from ik_service.service import Service
-from ik_service.tcp_server import Answer, TcpServer
+from ik_service.tcp_server import Answerer, TcpServer
+from ik_service.tls import server_context
+from ik_service.token_file import read_token
 from ik_service.worker import Worker
 
 if TYPE_CHECKING:
@@ -48,11 +55,12 @@ def serve(config: Config, started: float) -> None:
         RobotError: The robot cannot be loaded.
         ConfigError: A setting is wrong.
         AddressInUse: Another process listens on an address.
+        DuplicateService: Another service of this robot is on the same Zenoh network.
         OSError: An address cannot be listened on.
     """
     configure_logs(config.log_format, config.log_level)
     signal.signal(signal.SIGTERM, _exit_at_once)  # until the event loop takes over
-    session_config = _zenoh_config(config)  # before the robot is built: a mistake in it should show at once
+    access = _access(config)  # before the robot is built: a mistake in it should show at once
     engine = Engine.build(config, secrets.token_hex(6), version("ik-service"))
     if engine.kernel_note:
         log.warning("kernel", extra=values(kind=engine.about.kernel, reason=engine.kernel_note))
@@ -60,7 +68,7 @@ def serve(config: Config, started: float) -> None:
     # What lives now lives until the end: spare the garbage collector from looking at it again.
     gc.collect()
     gc.freeze()
-    _run(Daemon(config, engine, session_config).run(started))
+    _run(Daemon(config, engine, access).run(started))
 
 
 def _exit_at_once(*_: object) -> None:
@@ -76,25 +84,44 @@ def _run(main: Coroutine[Any, Any, None]) -> None:
         uvloop.run(main)
 
 
-def _zenoh_config(config: Config) -> "zenoh.Config | None":
-    """Put together the Zenoh session's configuration, unless Zenoh is off."""
-    if config.zenoh == OFF:
-        return None
-    from ik_service.zenoh_server import listen_locators, zenoh_config
+@dataclass(frozen=True, slots=True)
+class Access:
+    """How clients come in, and what they must show.
 
-    session_config = zenoh_config(config.zenoh, config.zenoh_connect, config.zenoh_config)
-    for locator in listen_locators(session_config):
-        config.check_locator(locator, "--zenoh-config")
-    return session_config
+    Attributes:
+        token: What every client must show; None for nothing.
+        tls: TLS of the TCP endpoint; None for plain TCP.
+        session: Configuration of the Zenoh session; None for no Zenoh.
+    """
+
+    token: bytes | None = field(repr=False)
+    tls: ssl.SSLContext | None
+    session: "zenoh.Config | None"
+
+
+def _access(config: Config) -> Access:
+    """Read what the settings name, and refuse an address that is exposed."""
+    token = read_token(config.token_file, os.environ)
+    check_tcp_and_http(config, token is not None)
+    if token is not None and (config.smooth == "openwbt" or config.openwbt_lag):
+        raise ConfigError("--smooth openwbt and --openwbt-lag are for OpenWBT's clients, and those cannot show a token")
+    tls = server_context(config.tls_cert, config.tls_key, config.tls_client_ca) if config.tls_cert else None
+    if config.zenoh == OFF:
+        return Access(token, tls, None)
+    from ik_service.zenoh_server import zenoh_config
+
+    session = zenoh_config(config.zenoh, config.zenoh_connect, config.zenoh_config)
+    check_zenoh(config, token is not None, session)
+    return Access(token, tls, session)
 
 
 class Daemon:
     """The front ends of one run."""
 
-    def __init__(self, config: Config, engine: Engine, session_config: "zenoh.Config | None") -> None:
-        """Take the settings, a warm engine, and the configuration of the Zenoh session if there is to be one."""
+    def __init__(self, config: Config, engine: Engine, access: Access) -> None:
+        """Take the settings, a warm engine, and how clients come in."""
         self._config = config
-        self._session_config = session_config
+        self._access = access
         self._engine = engine
         self._worker, self._worker_engine = Worker(), engine.copy()
         about = engine.about
@@ -121,21 +148,21 @@ class Daemon:
 
     async def _start(self) -> dict[str, str]:
         """Open the front ends; give their addresses."""
-        config, about = self._config, self._engine.about
+        config, access, about = self._config, self._access, self._engine.about
         addresses = {}
         if config.tcp != OFF:
             self._tcp = self._tcp_server()
-            addresses["tcp"] = str(await self._tcp.start(HostPort.parse(config.tcp)))
-        if self._session_config is not None:
+            addresses["tcp"] = str(await self._tcp.start(HostPort.parse(config.tcp), access.tls))
+        if access.session is not None:
             from ik_service.zenoh_server import ZenohServer
 
-            self._zenoh = ZenohServer.open(self._session_config, about.robot, about.boot_id)
-            self._zenoh.start(lambda: self._dispatcher(self._service("zenoh"), "zenoh"))
+            self._zenoh = ZenohServer.open(access.session, about.robot, about.boot_id, config.replica)
+            self._zenoh.start(lambda: self._dispatcher(self._service("zenoh"), self._patient("zenoh"), remembers=False))
             addresses["zenoh"] = " ".join(self._zenoh.locators)
         if config.http != OFF:
             # Its packages take half a second to import. In a thread, so that robots are served meanwhile.
             module = await asyncio.to_thread(importlib.import_module, "ik_service.http_server")
-            self._http = module.HttpServer(self._metrics)
+            self._http = module.HttpServer(self._metrics, access.token)
             addresses["http"] = str(await self._http.start(HostPort.parse(config.http)))
             self._http.ready = True
         log.debug("front ends open", extra=values(boot_id=about.boot_id, **addresses))
@@ -164,24 +191,22 @@ class Daemon:
     def _service(self, front_end: str) -> Service:
         return Service(self._engine.copy(), self._metrics.meter(front_end))
 
-    def _dispatcher(self, service: Service, front_end: str) -> Dispatcher:
-        patient = Service(self._worker_engine, self._metrics.meter(front_end))
-        return Dispatcher(service, patient, self._worker)
+    def _patient(self, front_end: str) -> Service:
+        return Service(self._worker_engine, self._metrics.meter(front_end))
+
+    def _dispatcher(self, service: Service, patient: Service, remembers: bool) -> Dispatcher:
+        return Dispatcher(service, patient, self._worker, doorkeeper=Doorkeeper(self._access.token, remembers))
 
     def _tcp_server(self) -> TcpServer:
-        config, service = self._config, self._service("tcp")
+        config, service, patient = self._config, self._service("tcp"), self._patient("tcp")
         smooth, lag = config.smooth == "openwbt", config.openwbt_lag
 
-        answer: Answer = partial(self._dispatcher(service, "tcp").answer, codec=JSON)
+        def answerer() -> Answerer:
+            dispatcher = self._dispatcher(service, patient, remembers=True)
+            return OpenwbtConnection(dispatcher, smooth, lag) if smooth or lag else Conversation(dispatcher, JSON)
 
-        def plain() -> Answer:
-            return answer
-
-        def openwbt() -> Answer:
-            return OpenwbtConnection(service, answer, smooth, lag).answer
-
-        connection_answer: Callable[[], Answer] = openwbt if smooth or lag else plain
-        server = TcpServer(connection_answer, partial(service.refuse_bytes, codec=JSON))
+        server = TcpServer(answerer, partial(service.refuse_bytes, codec=JSON))
+        self._metrics.closed["tcp"] = server.closed
         self._metrics.connections["tcp"] = lambda: server.connections
         return server
 

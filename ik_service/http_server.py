@@ -2,10 +2,14 @@
 
 - `/healthz`: 200 while the process is alive.
 - `/readyz`: 200 once the solver is warm and the transports listen; 503 before that and while draining.
-- `/metrics`: the Prometheus text format.
+- `/metrics`: the Prometheus text format. Where the service has a token, it is asked for in the header `Authorization:
+  Bearer TOKEN`.
+
+The first two say one word, and a container's health check should not have to hold the secret: they stay open.
 """
 
 import errno
+import hmac
 
 from aiohttp import web
 
@@ -21,9 +25,15 @@ class HttpServer:
         ready: Whether requests are served; set by the daemon.
     """
 
-    def __init__(self, metrics: Metrics) -> None:
-        """Start not ready."""
+    def __init__(self, metrics: Metrics, token: bytes | None = None) -> None:
+        """Start not ready.
+
+        Args:
+            metrics: What to show.
+            token: What a reader of the metrics must show; None for nothing.
+        """
         self.ready = False
+        self._token = token
         self._page = MetricsPage(metrics)
         self._runner: web.AppRunner | None = None
 
@@ -66,7 +76,16 @@ class HttpServer:
     async def _readyz(self, _: web.Request) -> web.Response:
         return web.Response(text="ready\n") if self.ready else web.Response(text="not ready\n", status=503)
 
-    async def _metrics_page(self, _: web.Request) -> web.Response:
+    async def _metrics_page(self, request: web.Request) -> web.Response:
+        if self._token is not None:
+            # aiohttp hands on bytes that are no UTF-8 as lone surrogates.
+            shown = request.headers.get("Authorization", "").encode(errors="surrogateescape")
+            if not hmac.compare_digest(shown, b"Bearer " + self._token):
+                return web.Response(
+                    text="show the token: Authorization: Bearer TOKEN\n",
+                    status=401,
+                    headers={"WWW-Authenticate": "Bearer"},
+                )
         return web.Response(
             body=self._page.render(), headers={"Content-Type": "text/plain; version=0.0.4; charset=utf-8"}
         )

@@ -1,10 +1,10 @@
-"""The addresses a client takes: `tcp://HOST:PORT` and `zenoh://HOST:PORT[/ROBOT]`."""
+"""The addresses a client takes: `tcp://HOST:PORT`, `tls://HOST:PORT` and `zenoh://HOST:PORT[/ROBOT]`."""
 
 from dataclasses import dataclass
 from typing import Literal
 from urllib.parse import urlsplit
 
-FORMS = "tcp://HOST:PORT, zenoh://HOST:PORT or zenoh://HOST:PORT/ROBOT"
+FORMS = "tcp://HOST:PORT, tls://HOST:PORT, zenoh://HOST:PORT or zenoh://HOST:PORT/ROBOT"
 
 
 @dataclass(frozen=True, slots=True)
@@ -12,14 +12,14 @@ class Address:
     """Where a service is, and how to speak to it.
 
     Attributes:
-        scheme: "tcp" for JSON over TCP, "zenoh" for MessagePack over Zenoh.
+        scheme: "tcp" for JSON over TCP, "tls" for the same encrypted, "zenoh" for MessagePack over Zenoh.
         host: Name or IP address, without brackets.
         port: TCP port.
         robot: Robot to ask for (Zenoh only); empty for the only one there is.
         url: The address as it was given.
     """
 
-    scheme: Literal["tcp", "zenoh"]
+    scheme: Literal["tcp", "tls", "zenoh"]
     host: str
     port: int
     robot: str
@@ -50,8 +50,8 @@ def parse_address(url: str) -> Address:
     except ValueError:
         raise fault from None
     robot = parts.path.strip("/")
-    if parts.scheme not in ("tcp", "zenoh") or not host or not port or parts.query or parts.fragment:
+    if parts.scheme not in ("tcp", "tls", "zenoh") or not host or not port or parts.query or parts.fragment:
         raise fault
-    if "/" in robot or "*" in robot or (robot and parts.scheme == "tcp"):
+    if "/" in robot or "*" in robot or (robot and parts.scheme != "zenoh"):
         raise fault
     return Address(parts.scheme, host, port, robot, url)

@@ -2,21 +2,24 @@
 
 - Every call is bounded by `timeout`, reconnecting and failing over included; a batch by `timeout` and 2 ms more a row.
 - An answer (`ok`, `unreachable`, `blocked`, `not_converged`) is returned as an object; a refusal is raised.
+- A solve tells the service how long its answer is worth having, so that nothing is solved for a caller who has given
+  up.
 - A request is validated here as the service would, so that a mistake costs no round trip.
 - Not thread-safe: give each thread a client of its own.
 """
 
 import itertools
-import math
 import time
-from collections.abc import Callable, Sequence, Sized
+from collections.abc import Callable
 from types import TracebackType
 from typing import Self, TypeVar
 
 import numpy as np
 
+from ik_client.access import Access, File
 from ik_client.address import parse_address
-from ik_client.errors import BadRequest, ProtocolMismatch, Refused, ServiceTimeout, ServiceUnavailable
+from ik_client.arguments import check_times, size, validated, width
+from ik_client.errors import BadRequest, ProtocolMismatch, Refused, ServiceTimeout, ServiceUnavailable, Unauthorized
 from ik_client.transport import Transport, open_transport
 from ik_proto import (
     ANSWERS,
@@ -24,6 +27,8 @@ from ik_proto import (
     PROTOCOL_VERSION,
     Array,
     BatchReply,
+    ClearanceReply,
+    ClearanceRequest,
     Collision,
     Document,
     FkReply,
@@ -35,25 +40,25 @@ from ik_proto import (
     Reply,
     ReplyError,
     Request,
-    RequestError,
     SolveBatchRequest,
     SolveReply,
     SolveRequest,
     Status,
     parse_batch_reply,
+    parse_clearance_reply,
     parse_fk_reply,
     parse_info_reply,
-    parse_request,
     parse_solve_reply,
     request_document,
 )
-from ik_proto.limits import DEFAULT_STARTS
+from ik_proto.limits import DEFAULT_STARTS, MAX_BUDGET_MS, MAX_STREAM_CHARACTERS
 
 _CLIENT_AT_FAULT = frozenset({Status.BAD_REQUEST, Status.UNSUPPORTED})
 _RETRY_PAUSE = 0.05
 """Between two attempts to reach a service that is just starting [s]."""
 _ROW_SECONDS = 0.002
 """What a row adds to the time a batch may take [s]: many times what solving and carrying it takes."""
+_LONGEST_BUDGET = MAX_BUDGET_MS * 1e-3
 
 _R = TypeVar("_R", bound=Reply)
 
@@ -77,33 +82,54 @@ class IKClient:
         timeout: float = 0.1,
         connect_timeout: float = 2.0,
         preset: str | None = None,
+        token: str | None = None,
+        ca: File | None = None,
+        cert: File | None = None,
+        key: File | None = None,
+        zenoh_config: File | None = None,
+        stream: str = "",
+        budget: float | None = None,
         connect: bool = True,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Connect and ask who is there.
 
         Args:
-            url: `tcp://HOST:PORT`, `zenoh://HOST:PORT` or `zenoh://HOST:PORT/ROBOT`.
+            url: `tcp://HOST:PORT`, `tls://HOST:PORT`, `zenoh://HOST:PORT` or `zenoh://HOST:PORT/ROBOT`.
             timeout: How long a call may take [s]. In a control loop, less than a tick.
             connect_timeout: How long to wait here for a service that is just starting [s].
             preset: Cost to minimise; None takes the service's default.
+            token: The secret of a service that demands one; None takes that of the environment variable `IK_TOKEN`.
+            ca: PEM file with the authority of a `tls://` service's certificate; None trusts the system's authorities.
+            cert: PEM file with this client's certificate, for a `tls://` service that demands one.
+            key: PEM file with its private key; None where `cert` holds it too.
+            zenoh_config: Zenoh configuration (JSON5) that a `zenoh://` client passes through: TLS, user, password.
+            stream: Name of this client's solves, of which only the newest matters: an older one that still waits at
+                the service when a newer comes is answered `superseded`. Empty where each matters.
+            budget: How long the answer of a solve is worth having [s], counted from its arrival at the service, which
+                answers `expired` later on; at most 10. None takes as long as the call may take.
             connect: False leaves connecting to the first call, and asks nothing.
             clock: Monotonic time [s].
 
         Raises:
-            ValueError: The address or a timeout makes no sense.
+            ValueError: The address, a time or a name makes no sense, or a certificate or configuration cannot be read.
             ServiceUnavailable: Nobody answers at the address.
             ServiceTimeout: Somebody is there, and does not answer.
+            Unauthorized: The service demands a token, and got none or a wrong one.
             ProtocolMismatch: What answers does not speak this protocol.
         """
-        for name, value in (("timeout", timeout), ("connect_timeout", connect_timeout)):
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} must be a positive number of seconds, not {value}")
+        check_times(timeout, connect_timeout, budget, _LONGEST_BUDGET)
+        if len(stream) > MAX_STREAM_CHARACTERS:
+            raise ValueError(f"stream must have at most {MAX_STREAM_CHARACTERS} characters, not {len(stream)}")
         self.url = url
         self.timeout = timeout
         self._preset = preset
         self._clock = clock
-        self._transport: Transport | None = open_transport(parse_address(url), clock)
+        self._stream = stream
+        self._budget = budget
+        access = Access.of(token, ca, cert, key, zenoh_config)
+        self._transport: Transport | None = open_transport(parse_address(url), clock, access)
+        self._token = access.token
         self._ids = itertools.count(1)
         self._widths: tuple[int, int] | None = None
         self._boot_id = ""
@@ -153,12 +179,14 @@ class IKClient:
 
         Raises:
             BadRequest: The arguments are at fault; found here where possible.
-            Refused: The service cannot serve the request now.
+            Refused: The service cannot serve the request now; or did not solve it because it was too late (`expired`)
+                or a newer one of its stream had come (`superseded`).
+            Unauthorized: The service demands a token, and got none or a wrong one.
             ServiceUnavailable: Nobody answers at the address.
             ServiceTimeout: No answer came in time.
             ProtocolMismatch: What answers does not speak this protocol.
         """
-        n, n_waist = self._joints(_size(q), _size(waist))
+        n, n_waist = self._joints(size(q), size(waist))
         request = SolveRequest(
             left_wrist,
             right_wrist,
@@ -175,7 +203,13 @@ class IKClient:
             DEFAULT_STARTS if starts is None else starts,
         )
         return self._call(
-            request, n, n_waist, SolveReply, lambda document: parse_solve_reply(document, n), self.timeout
+            request,
+            n,
+            n_waist,
+            SolveReply,
+            lambda document: parse_solve_reply(document, n),
+            self.timeout,
+            self._envelope(self.timeout),
         )
 
     def solve_batch(
@@ -216,7 +250,7 @@ class IKClient:
         Raises:
             IKError: As `solve`. A single bad row refuses the batch, and is named.
         """
-        n, n_waist = self._joints(_width(q), _width(waist))
+        n, n_waist = self._joints(width(q), width(waist))
         request = SolveBatchRequest(
             left_wrist,
             right_wrist,
@@ -232,14 +266,16 @@ class IKClient:
             collision,
             DEFAULT_STARTS if starts is None else starts,
         )
-        rows = min(_size(q), MAX_BATCH)
+        rows = min(size(q), MAX_BATCH)
+        timeout = self.timeout + _ROW_SECONDS * rows
         return self._call(
             request,
             n,
             n_waist,
             BatchReply,
             lambda document: parse_batch_reply(document, rows, n),
-            self.timeout + _ROW_SECONDS * rows,
+            timeout,
+            self._envelope(timeout),
         )
 
     def fk(self, q: Array, waist: Array | None = None) -> FkReply:
@@ -255,8 +291,32 @@ class IKClient:
         Raises:
             IKError: As `solve`.
         """
-        n, n_waist = self._joints(_size(q), _size(waist))
+        n, n_waist = self._joints(size(q), size(waist))
         return self._call(FkRequest(q, next(self._ids), waist), n, n_waist, FkReply, parse_fk_reply, self.timeout)
+
+    def clearance(self, q: Array, waist: Array | None = None) -> ClearanceReply:
+        """Ask how clear of itself the body is in some postures.
+
+        Args:
+            q: Joint positions, shape (k, n) [rad]; k at most `ik_proto.MAX_POSTURES`.
+            waist: Measured waist joints, the same for all, shape (w,) [rad]; zero where not given.
+
+        Returns:
+            The clearance of each.
+
+        Raises:
+            IKError: As `solve`.
+        """
+        n, n_waist = self._joints(width(q), size(waist))
+        rows = size(q)
+        return self._call(
+            ClearanceRequest(q, next(self._ids), waist),
+            n,
+            n_waist,
+            ClearanceReply,
+            lambda document: parse_clearance_reply(document, rows),
+            self.timeout,
+        )
 
     def info(self) -> InfoReply:
         """Ask who answers: protocol, robot, joint order, limits, presets.
@@ -314,6 +374,14 @@ class IKClient:
         """Numbers of arm and waist joints of the robot; until the service was asked, those of the request."""
         return self._widths or (n, n_waist)
 
+    def _envelope(self, timeout: float) -> Document:
+        """How the service shall treat a solve that may take so long [s]."""
+        budget = timeout if self._budget is None else self._budget
+        envelope: Document = {"budget_ms": 1e3 * budget} if budget <= _LONGEST_BUDGET else {}
+        if self._stream:
+            envelope["stream"] = self._stream
+        return envelope
+
     def _call(
         self,
         request: Request,
@@ -322,11 +390,17 @@ class IKClient:
         kind: type[_R],
         parse: Callable[[Document], _R],
         timeout: float,
+        envelope: Document | None = None,
     ) -> _R:
         if self._transport is None:
             raise ServiceUnavailable(self.url, "this client is closed; make a new one")
         deadline = self._clock() + timeout
-        body = self._transport.codec.encode(_validated(request_document(request), n, n_waist))
+        asked = validated(request_document(request), n, n_waist)
+        if envelope:
+            asked |= envelope
+        if self._token and not self._transport.shows_token:
+            asked["token"] = self._token
+        body = self._transport.codec.encode(asked)
         try:
             document = self._transport.codec.decode(self._transport.request(body, deadline))
             # Whatever was asked, a refusal has the form of a solve reply.
@@ -342,29 +416,6 @@ class IKClient:
         self._boot_id = reply.boot_id
         if answered and isinstance(reply, kind):
             return reply
+        if reply.status is Status.UNAUTHORIZED:
+            raise Unauthorized(bool(self._token), reply)
         raise (BadRequest if reply.status in _CLIENT_AT_FAULT else Refused)(reply.status, reply.error, reply)
-
-
-def _size(vector: object) -> int:
-    """Length of what may be a vector; 0 where it is none."""
-    try:
-        return len(vector) if isinstance(vector, Sized) else 0
-    except TypeError:  # an array of no dimension
-        return 0
-
-
-def _width(rows: object) -> int:
-    """Length of the first row of what may be a matrix; 0 where it is none."""
-    return _size(rows[0]) if isinstance(rows, Sequence | np.ndarray) and _size(rows) else 0
-
-
-def _validated(document: Document, n: int, n_waist: int) -> Document:
-    """The document of a request the service would accept.
-
-    Raises:
-        BadRequest: It would not.
-    """
-    try:
-        return request_document(parse_request(document, n, n_waist))
-    except RequestError as error:
-        raise BadRequest(error.status, str(error)) from None

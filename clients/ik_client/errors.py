@@ -3,8 +3,10 @@
 - `IKError`: base of all.
     - `ServiceUnavailable`: nobody answers at the address.
     - `ServiceTimeout`: somebody is there, and no answer came in time.
-    - `Refused`: the service answered that it will not or cannot serve the request (`overloaded`, `internal`).
+    - `Refused`: the service answered that it will not or cannot serve the request (`overloaded`, `superseded`,
+      `expired`, `internal`).
         - `BadRequest`: the request is at fault (`bad_request`, `unsupported`), found here or by the service.
+        - `Unauthorized`: the service demands a token, and got none or a wrong one (`unauthorized`).
     - `ProtocolMismatch`: what answers does not speak this protocol.
 """
 
@@ -38,7 +40,7 @@ class ServiceTimeout(IKError):
 
     def __init__(self, url: str, timeout: float) -> None:
         """Remember the numbers."""
-        super().__init__(f"{url}: no answer within {timeout:g} s")
+        super().__init__(f"{url}: no answer within {timeout:.3g} s")
         self.url = url
         self.timeout = timeout
 
@@ -60,6 +62,20 @@ class Refused(IKError):
 
 class BadRequest(Refused):
     """The request is at fault."""
+
+
+class Unauthorized(Refused):
+    """The service demands a token, and got none or a wrong one."""
+
+    def __init__(self, shown: bool, reply: Reply) -> None:
+        """Say what to do.
+
+        Args:
+            shown: Whether the client has shown a token.
+            reply: What the service said.
+        """
+        what = "the service demands another token than the one shown" if shown else "the service demands a token"
+        super().__init__(Status.UNAUTHORIZED, f"{what}; pass its token as token, or in IK_TOKEN", reply)
 
 
 class ProtocolMismatch(IKError):

@@ -3,6 +3,9 @@
 A connection that was used before and turns out broken is replaced once within the same request: solving twice does no
 harm, and a service restarted between two requests goes unnoticed. A request that ran out of time takes its connection
 with it, so that its late reply can never answer the next one.
+
+A client with a token shows it in a small request of its own at the head of every connection, and is trusted from then
+on: a service reads nothing large from a stranger.
 """
 
 import contextlib
@@ -11,14 +14,17 @@ import socket
 import time
 from collections.abc import Callable
 
+from ik_client.access import NO_ACCESS, Access
 from ik_client.address import Address
 from ik_client.background import Background
 from ik_client.backoff import Backoff
 from ik_client.errors import ServiceUnavailable
-from ik_proto import JSON, FrameDecoder, ReplyError, encode_frame
+from ik_proto import ANSWERS, JSON, FrameDecoder, FrameTooLarge, ReplyError, encode_frame
 from ik_proto.limits import DEFAULT_TCP
 
 _RECEIVE_BYTES = 65536
+_TLS_ALERT = b"\x15\x03"
+"""How a service that speaks TLS may begin what it says to a client that does not."""
 _Sockaddr = tuple[socket.AddressFamily, tuple]
 
 
@@ -30,19 +36,27 @@ class TcpTransport:
     """A service behind `tcp://HOST:PORT`."""
 
     codec = JSON
+    shows_token = True
+    _doubt = "if it speaks TLS, write tls://"
+    """What may be wrong where a service closes a connection."""
+    _serve = "ik-service serve"
 
-    def __init__(self, address: Address, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, address: Address, clock: Callable[[], float] = time.monotonic, access: Access = NO_ACCESS
+    ) -> None:
         """Remember where; connect with the first request.
 
         Args:
             address: Where the service is.
             clock: Monotonic time [s].
+            access: What to show.
         """
         self._address = address
         self._clock = clock
         self._backoff = Backoff()
-        self._fault = "does not answer"
+        self._fault = ""
         """What went wrong last: the reason to give while pausing."""
+        self._greeting = JSON.encode({"verb": "info", "token": access.token}) if access.token else b""
         self._socket: socket.socket | None = None
         self._lookup: Background[list[_Sockaddr]] | None = None
 
@@ -57,10 +71,10 @@ class TcpTransport:
                     raise
                 reply = self._exchange(body, deadline)
         except _Broken:
-            raise self._failed("closes the connection without an answer") from None
+            raise self._failed(self._advised(f"closes the connection without an answer ({self._doubt})")) from None
         except TimeoutError:
             self.reset()
-            self._failed("does not answer")
+            self._failed(self._advised("does not answer"))
             raise
         self._backoff.succeeded()
         return reply
@@ -76,16 +90,26 @@ class TcpTransport:
         self.reset()
 
     def _exchange(self, body: bytes, deadline: float) -> bytes:
-        connection = self._socket = self._socket or self._connect(deadline)
+        connection = self._socket
         try:
-            connection.settimeout(self._remaining(deadline))
-            # A service without room says so and closes: what it said may be there to read although it reads no more.
-            with contextlib.suppress(ConnectionError):
-                connection.sendall(encode_frame(body))
-            return self._receive(connection, deadline)
+            if connection is None:
+                connection = self._socket = self._connect(deadline)
+                if self._greeting:
+                    said = self._ask(connection, self._greeting, deadline)
+                    if JSON.decode(said).get("status") not in ANSWERS:
+                        self.reset()
+                        return said  # a refusal of this connection is one of the request
+            return self._ask(connection, body, deadline)
         except ConnectionError:
             self.reset()
             raise _Broken from None
+
+    def _ask(self, connection: socket.socket, body: bytes, deadline: float) -> bytes:
+        connection.settimeout(self._remaining(deadline))
+        # A service without room says so and closes: what it said may be there to read although it reads no more.
+        with contextlib.suppress(ConnectionError):
+            connection.sendall(encode_frame(body))
+        return self._receive(connection, deadline)
 
     def _receive(self, connection: socket.socket, deadline: float) -> bytes:
         decoder = FrameDecoder()
@@ -93,7 +117,13 @@ class TcpTransport:
             data = connection.recv(_RECEIVE_BYTES)
             if not data:
                 raise ConnectionResetError
-            frames = decoder.feed(data)
+            try:
+                frames = decoder.feed(data)
+            except FrameTooLarge:
+                if not data.startswith(_TLS_ALERT):
+                    raise
+                self.reset()
+                raise self._failed(f"it speaks TLS; write tls://{self._address.authority}") from None
             if len(frames) > 1 or (frames and decoder.pending):
                 raise ReplyError("more than one reply came for one request")
             if frames:
@@ -102,7 +132,7 @@ class TcpTransport:
 
     def _connect(self, deadline: float) -> socket.socket:
         if self._backoff.pausing(self._clock()):
-            raise self._unavailable(self._fault)
+            raise ServiceUnavailable(self._address.url, self._fault)
         refusal: OSError | None = None
         for family, sockaddr in self._resolve(deadline):
             connection = socket.socket(family, socket.SOCK_STREAM)
@@ -117,9 +147,9 @@ class TcpTransport:
                 refusal = error
             else:
                 return connection
-        message = f"nobody is there ({_words(refusal)})"
+        message = self._advised(f"nobody is there ({_words(refusal)})")
         if isinstance(refusal, ConnectionRefusedError):  # known at once: no reason to pause
-            raise self._unavailable(message)
+            raise ServiceUnavailable(self._address.url, message)
         raise self._failed(message)
 
     def _resolve(self, deadline: float) -> list[_Sockaddr]:
@@ -136,7 +166,7 @@ class TcpTransport:
         try:
             return lookup.result()
         except (OSError, UnicodeError) as error:
-            raise self._failed(f"host {host} is not known ({_words(error)})") from None
+            raise self._failed(self._advised(f"host {host} is not known ({_words(error)})")) from None
 
     def _remaining(self, deadline: float) -> float:
         remaining = deadline - self._clock()
@@ -148,12 +178,13 @@ class TcpTransport:
         """Count a failure that is worth a pause."""
         self._fault = message
         self._backoff.failed(self._clock())
-        return self._unavailable(message)
+        return ServiceUnavailable(self._address.url, message)
 
-    def _unavailable(self, message: str) -> ServiceUnavailable:
+    def _advised(self, message: str) -> str:
+        """A message, and how to start a service there."""
         where = self._address.authority
-        command = "ik-service serve" + ("" if where == DEFAULT_TCP else f" --tcp {where}")
-        return ServiceUnavailable(self._address.url, f"{message}; start a service with: {command}")
+        command = self._serve + ("" if where == DEFAULT_TCP else f" --tcp {where}")
+        return f"{message}; start a service with: {command}"
 
 
 def _look_up(host: str, port: int) -> list[_Sockaddr]:

@@ -7,6 +7,7 @@
   is known, each gets half of the time that is left.
 - Zenoh restores a lost link by itself; a session that never came about is opened again by the next request.
 - No Python callback is ever left with Zenoh: one on an open session keeps the interpreter from exiting.
+- A configuration of the user's own is passed through: TLS, user and password. What it sets, wins, its endpoints too.
 """
 
 import contextlib
@@ -14,9 +15,11 @@ import json
 import random
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import zenoh
 
+from ik_client.access import NO_ACCESS, Access
 from ik_client.address import Address
 from ik_client.background import Background
 from ik_client.backoff import Backoff
@@ -47,16 +50,30 @@ class ZenohTransport:
     """Services behind `zenoh://HOST:PORT[/ROBOT]`, where a service or a router listens."""
 
     codec = MSGPACK
+    shows_token = False
 
-    def __init__(self, address: Address, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, address: Address, clock: Callable[[], float] = time.monotonic, access: Access = NO_ACCESS
+    ) -> None:
         """Remember where; open the session with the first request.
 
         Args:
             address: Where a service or a router is, and the robot to ask for.
             clock: Monotonic time [s].
+            access: What to show; here, the configuration that is passed through.
+
+        Raises:
+            ValueError: The configuration cannot be read.
         """
         self._address = address
         self._clock = clock
+        self._config = session_config(address.authority, access.zenoh_config)
+        locator = f"tcp/{address.authority}"
+        self._nobody = "nobody is there"
+        self._serve = "ik-service serve" + ("" if locator == DEFAULT_ZENOH else f" --zenoh {locator}")
+        if access.zenoh_config:  # Zenoh does not tell these apart
+            self._nobody += f", or what {access.zenoh_config} shows is not accepted"
+            self._serve = "ik-service serve --zenoh-config FILE"
         self._backoff = Backoff()
         self._opening: Background[zenoh.Session] | None = None
         self._session: zenoh.Session | None = None
@@ -90,8 +107,8 @@ class ZenohTransport:
             return self._session
         if self._opening is None:
             if self._backoff.pausing(self._clock()):
-                raise self._unavailable("nobody is there")
-            self._opening = Background(lambda: _open_session(self._address.authority))
+                raise self._unavailable(self._nobody)
+            self._opening = Background(lambda: zenoh.open(self._config))
         if not self._opening.wait(deadline - self._clock()):
             raise TimeoutError
         opening, self._opening = self._opening, None
@@ -99,7 +116,7 @@ class ZenohTransport:
             self._session = opening.result()
         except zenoh.ZError:
             self._backoff.failed(self._clock())
-            raise self._unavailable("nobody is there") from None
+            raise self._unavailable(self._nobody) from None
         self._backoff.succeeded()
         return self._session
 
@@ -163,16 +180,38 @@ class ZenohTransport:
         raise _Gone
 
     def _unavailable(self, message: str) -> ServiceUnavailable:
-        locator = f"tcp/{self._address.authority}"
-        command = "ik-service serve" + ("" if locator == DEFAULT_ZENOH else f" --zenoh {locator}")
-        return ServiceUnavailable(self._address.url, f"{message}; start a service with: {command}")
+        return ServiceUnavailable(self._address.url, f"{message}; start a service with: {self._serve}")
 
 
-def _open_session(authority: str) -> zenoh.Session:
-    config = zenoh.Config()
-    for path, value in {**_SETTINGS, "connect/endpoints": [f"tcp/{authority}"]}.items():
-        config.insert_json5(path, json.dumps(value))
-    return zenoh.open(config)
+def session_config(authority: str, file: str = "") -> zenoh.Config:
+    """Put together a session's configuration.
+
+    Args:
+        authority: Where a service or a router listens [host:port].
+        file: The user's own configuration (JSON5); empty for none. What it sets to other than Zenoh's default is kept.
+
+    Returns:
+        The configuration.
+
+    Raises:
+        ValueError: The file cannot be read, or Zenoh does not take it.
+    """
+    defaults = zenoh.Config()
+    try:
+        config = zenoh.Config.from_json5(Path(file).read_text(encoding="utf-8")) if file else zenoh.Config()
+        for path, value in {**_SETTINGS, "connect/endpoints": [f"tcp/{authority}"]}.items():
+            if config.get_json(path) == defaults.get_json(path):
+                config.insert_json5(path, json.dumps(value))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"zenoh_config {file} cannot be read ({error})") from None
+    except zenoh.ZError as error:
+        raise ValueError(f"zenoh_config {file}: {_brief(error)}") from None
+    return config
+
+
+def _brief(error: Exception) -> str:
+    """The first sentence of a Zenoh error, without the source location behind it."""
+    return str(error).split(" at /", 1)[0].splitlines()[0]
 
 
 def _close(session: zenoh.Session) -> None:

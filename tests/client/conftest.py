@@ -1,6 +1,7 @@
 """Fixtures that start stand-ins for the service."""
 
 import socket
+import ssl
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -19,8 +20,8 @@ def start_tcp() -> Iterator[Callable[..., TcpFake]]:
     """Start stand-ins on TCP; all are stopped at the end."""
     started: list[TcpFake] = []
 
-    def start(service: FakeService, port: int = 0) -> TcpFake:
-        started.append(TcpFake(service, port))
+    def start(service: FakeService, port: int = 0, tls: ssl.SSLContext | None = None) -> TcpFake:
+        started.append(TcpFake(service, port, tls))
         return started[-1]
 
     yield start

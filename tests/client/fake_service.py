@@ -3,6 +3,7 @@
 import contextlib
 import json
 import socket
+import ssl
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -54,6 +55,8 @@ class FakeService:
     def __init__(self, boot_id: str = "boot-1") -> None:
         self.boot_id = boot_id
         self.requests: list[Request] = []
+        self.documents: list[dict[str, Any]] = []
+        """The requests as they came, envelope and all."""
         self.answer: Callable[[Request], Reply | bytes | None] = self.reply
         """Gives a reply, raw bytes to send instead of one, or None to close the connection."""
         self.frame: Callable[[bytes], bytes] = encode_frame
@@ -129,19 +132,21 @@ class FakeService:
             reply = SolveReply(success=False, error=str(error), status=error.status, id=error.id, boot_id=self.boot_id)
             return codec.encode(reply_document(reply))
         self.requests.append(request)
+        self.documents.append(document)
         said = self.answer(request)
         return codec.encode(reply_document(said)) if isinstance(said, Reply) else said
 
 
 class TcpFake:
-    """A `FakeService` behind a socket."""
+    """A `FakeService` behind a socket, with TLS where it is given a context."""
 
-    def __init__(self, service: FakeService, port: int = 0) -> None:
+    def __init__(self, service: FakeService, port: int = 0, tls: ssl.SSLContext | None = None) -> None:
         self.service = service
+        self._tls = tls
         self.accepted = 0
         self._listener = socket.create_server(("127.0.0.1", port))
         self.port: int = self._listener.getsockname()[1]
-        self.url = f"tcp://127.0.0.1:{self.port}"
+        self.url = f"{'tls' if tls else 'tcp'}://127.0.0.1:{self.port}"
         self._connections: list[socket.socket] = []
         self._threads = [threading.Thread(target=self._accept)]
         self._threads[0].start()
@@ -158,7 +163,11 @@ class TcpFake:
 
     def _serve(self, connection: socket.socket) -> None:
         decoder = FrameDecoder()
-        with connection, contextlib.suppress(OSError):
+        with contextlib.suppress(OSError), contextlib.ExitStack() as stack:
+            stack.enter_context(connection)
+            if self._tls is not None:
+                connection = stack.enter_context(self._tls.wrap_socket(connection, server_side=True))
+                self._connections.append(connection)
             while data := connection.recv(65536):
                 for body in decoder.feed(data):
                     said = self.service.respond(body, JSON)
@@ -235,6 +244,7 @@ class Echo:
     """A transport that always says the same."""
 
     codec = JSON
+    shows_token = False
 
     def __init__(self, said: bytes) -> None:
         self.said = said

@@ -20,7 +20,9 @@ from ik_client.address import parse_address
     ],
 )
 def test_a_wrong_address_names_the_right_forms(url):
-    with pytest.raises(ValueError, match="tcp://HOST:PORT, zenoh://HOST:PORT or zenoh://HOST:PORT/ROBOT"):
+    with pytest.raises(
+        ValueError, match="tcp://HOST:PORT, tls://HOST:PORT, zenoh://HOST:PORT or zenoh://HOST:PORT/ROBOT"
+    ):
         IKClient(url)
 
 

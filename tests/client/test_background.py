@@ -86,9 +86,10 @@ def test_a_look_up_that_hangs_costs_the_timeout_and_its_result_is_used_later(mon
 def exit_status(exit_seconds: str) -> int:
     """Of a process that ends while Zenoh is trying to open sessions."""
     program = f"""
+import zenoh
 from ik_client import background, transport_zenoh
 background._EXIT_SECONDS = {exit_seconds}
-calls = [background.Background(lambda: transport_zenoh._open_session("127.0.0.1:1")) for _ in range(4)]
+calls = [background.Background(lambda: zenoh.open(transport_zenoh.session_config("127.0.0.1:1"))) for _ in range(4)]
 """
     return subprocess.run([sys.executable, "-c", program], capture_output=True, check=False).returncode
 

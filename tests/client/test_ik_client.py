@@ -292,7 +292,8 @@ def test_a_server_of_another_version_is_a_mismatch(service, start_tcp):
         IKClient(start_tcp(service).url, timeout=2.0)
 
 
-def test_a_restart_between_two_calls_goes_unnoticed(service, start_tcp):
+def test_a_restart_between_two_calls_shows_in_boot_id_alone(service, start_tcp):
+    """Hazard row: service restart."""
     first = start_tcp(service)
     with IKClient(first.url, timeout=2.0) as ik:
         ik.solve(EYE, EYE, Q)
@@ -304,6 +305,7 @@ def test_a_restart_between_two_calls_goes_unnoticed(service, start_tcp):
 
 
 def test_a_service_that_dies_during_a_call_is_unavailable_at_once(fake, service):
+    """Hazard row: lost connection."""
     with IKClient(fake.url, timeout=30.0) as ik:
         service.answer = lambda request: None
         with pytest.raises(ServiceUnavailable, match="closes the connection without an answer"):
@@ -313,6 +315,7 @@ def test_a_service_that_dies_during_a_call_is_unavailable_at_once(fake, service)
 
 
 def test_a_silent_host_costs_its_timeout_now_and_then_not_every_call(free_port):
+    """Hazard row: lost connection."""
     now = [0.0]
 
     def clock() -> float:

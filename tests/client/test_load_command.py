@@ -27,6 +27,7 @@ def closed_object(**properties: object) -> dict:
 
 
 DURATIONS = closed_object(**{"count": COUNT} | dict.fromkeys(("p50", "p90", "p99", "p99.9", "max"), SECONDS))
+STRING = {"type": "string"}
 SCHEMA = closed_object(
     tool={"const": "ik-load"},
     command={"type": "array", "items": {"type": "string"}},
@@ -44,6 +45,7 @@ SCHEMA = closed_object(
         preset={"type": ["string", "null"]},
         mode={"enum": ["track", "reach", None]},
         collision={"enum": ["off", "report", "avoid", None]},
+        access=closed_object(**dict.fromkeys(("token_file", "ca", "cert", "key", "zenoh_config"), STRING)),
     ),
     service=closed_object(
         protocol=COUNT,

@@ -1,7 +1,6 @@
 """Settings: defaults, file, flags, and one line for every mistake."""
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -35,6 +34,11 @@ def test_flags_win_over_the_file_and_the_file_over_defaults(tmp_path: Path) -> N
         ('zenoh = "127.0.0.1:7447"', "not a Zenoh locator"),
         ('tcp = "off"\nzenoh = "off"', "nothing to serve"),
         ("this is not TOML", "cannot be read"),
+        ('token = "a-secret-in-a-file-of-settings"', "unknown setting 'token'"),
+        ('tls-cert = "service.pem"', "both --tls-cert and --tls-key"),
+        ('tls-key = "service.key"', "both --tls-cert and --tls-key"),
+        ('tls-client-ca = "ca.pem"', "--tls-client-ca asks for TLS"),
+        ('replica = "yes"', "replica must be true or false"),
     ],
 )
 def test_a_mistake_is_one_line_that_names_it(tmp_path: Path, text: str, words: str) -> None:
@@ -47,37 +51,6 @@ def test_a_mistake_is_one_line_that_names_it(tmp_path: Path, text: str, words: s
 def test_a_missing_file_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"nowhere\.toml: cannot be read"):
         load_config(tmp_path / "nowhere.toml", {})
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"tcp": "0.0.0.0:12345"},
-        {"tcp": "[::]:12345"},
-        {"http": "192.168.1.5:80"},
-        {"tcp": "robot.local:12345"},
-        {"zenoh": "tcp/0.0.0.0:7447"},
-        {"zenoh": "tls/[::]:7447"},
-    ],
-)
-def test_addresses_others_can_reach_need_consent(settings: dict[str, Any]) -> None:
-    with pytest.raises(ConfigError, match="--insecure"):
-        Config(**settings)
-    assert Config(**settings, insecure=True).insecure
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"tcp": "localhost:1"},
-        {"tcp": "127.1.2.3:1"},
-        {"tcp": "[::1]:1"},
-        {"zenoh": "unixsock-stream//tmp/ik.sock"},
-        {"zenoh": "udp/127.0.0.1:7447?iface=lo"},
-    ],
-)
-def test_addresses_of_this_machine_do_not(settings: dict[str, Any]) -> None:
-    assert not Config(**settings).insecure
 
 
 @pytest.mark.parametrize("text", ["127.0.0.1:12345", "[::1]:0", "localhost:65535"])

@@ -144,6 +144,7 @@ def test_long_work_delays_nobody_else_nor_the_end(
     assert crowd[-1].ask(document(3))["success"]  # its connection stays open
     assert not patient.has_reply()
     assert service.stop() == 0
+    assert [patient.receive()["status"] for _ in range(2)] == ["overloaded"] * 2
     assert patient.is_closed()
     log = [json.loads(line) for line in service.log.read_text().splitlines()]
     assert [entry["event"] for entry in log] == ["draining", "leaving work behind"]
@@ -169,6 +170,7 @@ def test_a_signal_drains_and_exits_with_0(
 
 
 def test_it_starts_again_on_the_same_ports(start_service: Callable[..., Any], raw_client: Callable[..., Any]) -> None:
+    """Hazard row: service restart. Another run has another `boot_id`."""
     first = start_service()
     client = raw_client(first.tcp)
     boot_id = client.ask({"verb": "info"})["boot_id"]
@@ -181,6 +183,7 @@ def test_it_starts_again_on_the_same_ports(start_service: Callable[..., Any], ra
 
 @pytest.mark.parametrize("flag", ["--tcp", "--zenoh", "--http"])
 def test_a_second_instance_exits_with_3_and_one_line(service_process: Any, flag: str) -> None:
+    """Hazard row: duplicate services."""
     taken = service_process.ready[flag.removeprefix("--")]
     others = {"--tcp": "127.0.0.1:0", "--zenoh": "off", "--http": "off", flag: taken}
     result = run("serve", "--kernel", "vm", *[part for pair in others.items() for part in pair])
@@ -201,6 +204,7 @@ def test_a_second_instance_exits_with_3_and_one_line(service_process: Any, flag:
         (["serve", "--tcp", "203.0.113.1:1", "--insecure", "--zenoh", "off"], "cannot listen"),
         (["serve", "--config", "no_such.toml"], "no_such.toml"),
         (["serve", "--zenoh-config", "no_such.json5"], "no_such.json5"),
+        (["serve", "--token-file", "no_such.token"], "no_such.token"),
         (["info", "--robot", "no_such"], "no_such"),
         (["healthcheck", "--http", "nonsense"], "nonsense"),
     ],
@@ -257,6 +261,9 @@ def test_help_teaches() -> None:
         "exit codes:",
         "--openwbt-lag",
         "--insecure",
+        "--token-file",
+        "--tls-client-ca",
+        "--replica",
         "(precise)",
         "{off,report,avoid}",
     ):

@@ -13,9 +13,10 @@ from ik_service.metrics import REQUEST_BUCKETS, Metrics
 from ik_service.prometheus import MetricsPage
 
 
-def get(service: Any, path: str) -> tuple[int, str]:
+def get(service: Any, path: str, **headers: str) -> tuple[int, str]:
     try:
-        with urllib.request.urlopen(service.http_url + path, timeout=10) as answer:
+        request = urllib.request.Request(service.http_url + path, headers=headers)
+        with urllib.request.urlopen(request, timeout=10) as answer:
             return answer.status, answer.read().decode()
     except urllib.error.HTTPError as error:
         with error:

@@ -6,6 +6,7 @@ import shutil
 import stat
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -90,11 +91,53 @@ def test_folder_others_can_write_to_is_refused(folder: Path, mode: int) -> None:
     assert trap.read_bytes() == b"trap"
 
 
-def test_folder_of_another_user_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    _build(folder)
-    monkeypatch.setattr(os, "getuid", lambda: os.stat(folder).st_uid + 1)
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can give a folder away")
+def test_folder_of_another_user_is_refused(folder: Path) -> None:
+    trap = _build(folder)
+    os.chown(folder, 12345, 12345)
+    trap.write_bytes(b"trap")
     with library(SOURCE, folder) as built:
         assert "belongs to another user" in built.note
+        assert _answer(built.path) == 42.0
+    assert trap.read_bytes() == b"trap"
+
+
+def test_folder_below_one_that_others_can_write_to_is_refused(folder: Path) -> None:
+    _build(folder / "kernels")
+    folder.chmod(0o777)
+    with library(SOURCE, folder / "kernels") as built:
+        assert f"others can write to {folder} above it" in built.note
+        assert built.path.parent != folder / "kernels"
+
+
+def test_library_that_others_can_write_to_is_rebuilt(folder: Path) -> None:
+    path = _build(folder)
+    path.chmod(0o666)
+    mark = path.stat().st_ino
+    assert _build(folder) == path
+    assert path.stat().st_ino != mark
+    assert not path.stat().st_mode & 0o022
+
+
+def test_link_instead_of_library_is_replaced(folder: Path, tmp_path: Path) -> None:
+    path = _build(folder)
+    path.rename(tmp_path / "elsewhere.so")
+    path.symlink_to(tmp_path / "elsewhere.so")
+    assert _build(folder) == path
+    assert not path.is_symlink()
+
+
+def test_without_any_trusted_folder_there_is_no_library(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "tmp").mkdir()
+    (tmp_path / "tmp").chmod(0o777)  # no sticky bit
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "tmp"))
+    folder.mkdir(mode=0o777)
+    folder.chmod(0o777)
+    with pytest.raises(CompileError, match="not used: others can write to it") as caught, library(SOURCE, folder):
+        pass
+    assert "\n" not in str(caught.value)
 
 
 def test_link_instead_of_folder_is_refused(folder: Path, tmp_path: Path) -> None:

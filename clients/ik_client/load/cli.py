@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from ik_client.address import parse_address
+from ik_client.access_options import AccessFiles, add_access_options
+from ik_client.address import FORMS, parse_address
 from ik_client.errors import IKError
 from ik_proto import COLLISIONS, MODES
 
@@ -37,6 +38,7 @@ examples:
   ik-load tcp://127.0.0.1:12345 --closed --workload random            back to back: the most one client can get
   ik-load tcp://127.0.0.1:12345 --workload random --mode reach        global solves from unrelated joints
   ik-load tcp://127.0.0.1:12345 --rate 200 --json load.json           keep all numbers
+  ik-load tls://robot:12345 --ca ca.pem --token-file ik.token         a service on another machine
 
 exit status:
   0  every request was answered
@@ -90,10 +92,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
                     preset=options.preset,
                     mode=options.mode,
                     collision=options.collision,
+                    access=AccessFiles.of(options),
                 ),
                 progress,
             )
-    except IKError as error:
+    except (IKError, ValueError) as error:
         return _fail(str(error))
     except KeyboardInterrupt:
         print("ik-load: interrupted before anything was sent", file=sys.stderr)
@@ -113,7 +116,7 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("url", metavar="URL", help="tcp://HOST:PORT, zenoh://HOST:PORT or zenoh://HOST:PORT/ROBOT")
+    add("url", metavar="URL", help=FORMS)
     add("--rate", type=_positive(float), metavar="HZ", help="requests per second of each client [50; --closed: none]")
     add("--duration", type=_positive(float), default=10.0, metavar="S", help="how long requests count [10]")
     add("--clients", type=_positive(int), default=1, metavar="N", help="clients at once, a connection each [1]")
@@ -126,6 +129,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--timeout", type=_positive(float), default=1.0, metavar="S", help="how long a request may take [1]")
     add("--warmup", type=_at_least_zero, default=0.5, metavar="S", help="how long to send before counting [0.5]")
     add("--json", type=Path, metavar="FILE", help="write all numbers, versions and the command line there")
+    add_access_options(parser)
     add("--version", action="version", version=f"ik-load {version('ik-service')}")
     return parser
 

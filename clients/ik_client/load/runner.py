@@ -10,9 +10,10 @@ import math
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
+from ik_client.access_options import AccessFiles
 from ik_client.client import IKClient
 from ik_client.load.generator import Generator, Schedule
 from ik_client.load.outcomes import Outcomes
@@ -45,6 +46,7 @@ class LoadOptions:
         preset: Cost to minimise; None for the service's default.
         mode: How to solve; None for the protocol's default.
         collision: What to do about self-collision; None for the service's default.
+        access: Where the credentials are that the service asks for.
     """
 
     url: str
@@ -59,6 +61,7 @@ class LoadOptions:
     preset: str | None = None
     mode: Mode | None = None
     collision: Collision | None = None
+    access: AccessFiles = field(default_factory=AccessFiles)
 
     @property
     def period(self) -> float:
@@ -118,15 +121,17 @@ def run_load(options: LoadOptions, progress: Progress) -> LoadResult:
         What came of it; Ctrl-C ends the sending early and gives what there is.
 
     Raises:
-        IKError: The service cannot be reached, or does not give the workload.
+        IKError: The service cannot be reached, does not let us in, or does not give the workload.
+        ValueError: A credential cannot be read.
         KeyboardInterrupt: Ctrl-C before anything was sent.
     """
-    with IKClient(options.url, timeout=max(options.timeout, 1.0)) as ik:
+    access = options.access.arguments()
+    with IKClient(options.url, timeout=max(options.timeout, 1.0), **access) as ik:
         info = ik.info()
         workload = _prepare(options, ik, progress)
     with contextlib.ExitStack() as stack:
         clients = [
-            stack.enter_context(IKClient(options.url, timeout=options.timeout, preset=options.preset))
+            stack.enter_context(IKClient(options.url, timeout=options.timeout, preset=options.preset, **access))
             for _ in range(options.clients)
         ]
         return _send(options, info, workload, clients, progress)
