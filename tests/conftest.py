@@ -1,5 +1,6 @@
 """Fixtures shared by the whole suite."""
 
+import fcntl
 import json
 import os
 import select
@@ -22,6 +23,31 @@ settings.load_profile("suite")
 REPO = Path(__file__).resolve().parents[1]
 START_LIMIT_S = 60.0
 STOP_LIMIT_S = 10.0
+MOST_WORKERS = 4
+"""Beyond these, starting workers and their services takes longer than they save."""
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # A script that ran this with `&` had it ignore Ctrl-C, and so would every program whose Ctrl-C is tested here.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """How many processes share the tests with `-n auto`; 0 runs them in this one.
+
+    The whole suite and its folders are shared out. Single files are not, nor is a run whose output goes straight to the
+    terminal (`-s`), nor one of the slow tests, which measure. A number on the command line (`-n 2`) comes before this.
+    """
+    files = all(Path(argument.split("::")[0]).is_file() for argument in config.args)
+    if files or config.option.capture == "no" or config.option.markexpr != "not slow":
+        return 0
+    return min(len(os.sched_getaffinity(0)), MOST_WORKERS)
+
+
+@pytest.fixture(scope="session")
+def run_folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of this run of the suite, the same in all its processes."""
+    own = tmp_path_factory.getbasetemp()
+    return own.parent if hasattr(request.config, "workerinput") else own
 
 
 @pytest.fixture(scope="session")
@@ -79,10 +105,19 @@ StartService = Callable[..., ServiceProcess]
 
 
 @pytest.fixture(scope="session")
-def kernel_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder for compiled kernels of this session."""
-    folder = tmp_path_factory.mktemp("kernels")
-    folder.chmod(0o700)
+def kernel_cache(run_folder: Path) -> Path:
+    """Folder with the compiled kernel of the G1, built by whichever process of this run asks first."""
+    # Imported here: a test of the contract or the client alone need not wait for the solver's libraries.
+    from ik_proto.robots import load_description
+    from ik_service.kernel import load_kernel
+    from ik_service.robot import Robot
+
+    folder = run_folder / "kernels"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    with (run_folder / "kernels.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not any(folder.iterdir()):
+            load_kernel(Robot.load(load_description("g1")), folder=folder)
     return folder
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from benchmarks import compare_peers
 from benchmarks.compare_peers import main
 from benchmarks.peers import describe, driver
 from benchmarks.peers.driver import Comparison, Run, compare
@@ -54,6 +55,10 @@ def comparison(
         patch.setattr(driver, "BLOCK", 4)  # several turns in a few frames
         rows = (*OURS, REFERENCE, unknown, broken)
         yield compare(description, robot, suite, rows, tmp_path_factory.mktemp("peers"), quiet)
+
+
+def beginning(workload: Workload, frames: int) -> Workload:
+    return replace(workload, left=workload.left[:frames], right=workload.right[:frames])
 
 
 def run_of(comparison: Comparison, row: Row, name: str) -> Run:
@@ -164,7 +169,13 @@ def test_metrics_count_what_is_wrong_with_a_path(robot: Robot) -> None:
     assert bad["step_rad"]["max"] >= 0.4
 
 
-def test_the_command_writes_all_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_all_numbers(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A few frames of each workload; the command as documented is run by the documentation's tests."""
+    usual = compare_peers.suite(robot, quick=True)
+    few = {name: [beginning(workload, 5) for workload in group] for name, group in usual.items()}
+    monkeypatch.setattr(compare_peers, "suite", lambda *_: few)
     saved = tmp_path / "numbers.json"
     assert main(["--quick", "--peers", "reference", "--json", str(saved)]) == 0
     assert REFERENCE.name in capsys.readouterr().out

@@ -29,7 +29,7 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip(f"cannot build here: {built.stderr.strip().splitlines()[-1]}")
     assert built.returncode == 0, built.stderr
     (wheel,) = folder.glob("ik_service-*.whl")
-    installed = run(*pip, "install", wheel, cwd=folder)
+    installed = run(*pip, "install", "--no-compile", wheel, cwd=folder)
     assert installed.returncode == 0, installed.stderr
     return folder
 

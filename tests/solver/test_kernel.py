@@ -111,11 +111,11 @@ def test_unloadable_library_means_virtual_machine(
 def test_kernel_that_computes_something_else_is_not_used(
     small_robot: Robot, make_robot: Callable[..., Path], folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As if the cache held the kernel of a robot with a tool 1 mm longer under this kernel's name."""
+    """As if the cache held the small robot's kernel under the name of that of a robot with a tool 1 mm longer."""
     other = Robot.load(load_description(make_robot(replace_toml=("[0.1, 0.0", "[0.101, 0.0"))))
-    source = kernel_module._source(functions(other))
+    source = kernel_module._source(functions(small_robot))
     monkeypatch.setattr(kernel_module, "_source", lambda _: source)
-    kernel = load_kernel(small_robot, folder=folder)
+    kernel = load_kernel(other, folder=folder)
     assert kernel.kind == "vm"
     assert kernel.note == "the compiled kernel computes something else than the virtual machine"
 
