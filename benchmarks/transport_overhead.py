@@ -42,7 +42,7 @@ from rich.table import Table
 
 from benchmarks.environment import environment
 from benchmarks.workloads import tracking
-from ik_proto import JSON, MSGPACK, FkRequest, SolveRequest, request_document
+from ik_proto import JSON, MSGPACK, FkRequest, SolveRequest, Status, request_document
 from ik_service.addresses import HostPort
 from ik_service.config import Config
 from ik_service.engine import Engine
@@ -58,12 +58,33 @@ _LENGTH = struct.Struct(">I")
 Call = Callable[[int], None]
 
 
+class Echo:
+    """Answers every body with itself."""
+
+    hopeless = 0
+
+    def answer(self, body: bytes, _arrived: float) -> bytes:
+        """Give it back."""
+        return body
+
+    def refuse(self, body: bytes, _status: Status, _message: str) -> bytes:
+        """Give it back."""
+        return body
+
+    def stream_of(self, _body: bytes) -> str:
+        """Know no streams."""
+        return ""
+
+    def supersede(self, _stream: str) -> None:
+        """Know no streams."""
+
+
 # The other sides: bare echoes, and a server that writes as OpenWBT's does. Each prints its address and serves.
 
 
 def serve_tcp_echo() -> None:
     async def main() -> None:
-        server = TcpServer(lambda: lambda body: body, lambda _status, _message: b"")
+        server = TcpServer(Echo, lambda _status, _message: b"")
         print(await server.start(HostPort("127.0.0.1", 0)), flush=True)
         await asyncio.Event().wait()
 

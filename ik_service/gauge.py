@@ -15,6 +15,9 @@ _POSITION, _ROTATION = REPORT.index("position_left"), REPORT.index("rotation_lef
 _CLEARANCE, _NEAREST = REPORT.index("clearance"), REPORT.index("nearest")
 
 
+_ANYWHERE = np.eye(4)
+
+
 class Measurement(NamedTuple):
     """What is true of joint positions; fields as in `solution.Solution`."""
 
@@ -41,6 +44,27 @@ class Gauge:
         preset = Preset("gauge", position=1.0, rotation=1.0, regularization=1.0, smoothness=0.0)
         self._problem = Problem(self._layout, preset)
         self._kernel_calls = MultiStart(robot.copy(), kernel, preset)
+
+    def clearance(self, q: np.ndarray, waist: np.ndarray | None = None) -> tuple[np.ndarray, tuple[str, str] | None]:
+        """Measure how clear of itself the body is in some postures.
+
+        Args:
+            q: Joint positions [rad], shape (k, nq).
+            waist: Waist joint positions [rad], the same for all; None for a straight waist.
+
+        Returns:
+            Smallest distance between two capsules in each posture [m], shape (k,), and the names of the nearest two of
+            all; None where the robot has none.
+        """
+        problem = self._problem
+        problem.hint(waist, None, None, None)
+        problem.collision = REPORT_ONLY
+        clearance, places = np.empty(len(q)), np.empty(len(q), dtype=int)
+        for row, posture in enumerate(q):
+            problem.pose(posture, _ANYWHERE, _ANYWHERE)
+            report = self._kernel_calls.measure(problem).output[self._layout.answer :]
+            clearance[row], places[row] = report[_CLEARANCE], report[_NEAREST]
+        return clearance, self._pair(int(places[np.argmin(clearance)]))
 
     def copy(self) -> "Gauge":
         """Make a gauge for another thread; the kernel is shared."""
@@ -72,10 +96,7 @@ class Gauge:
         problem.collision = OFF if collision == "off" else REPORT_ONLY  # to avoid would be to move
         output = self._kernel_calls.measure(problem).output
         report = output[self._layout.answer :]
-        place, nearest = int(report[_NEAREST]), None
-        if place >= 0:
-            i, j = self._robot.collision.pairs[place]
-            nearest = (self._robot.collision.capsules[i].name, self._robot.collision.capsules[j].name)
+        nearest = self._pair(int(report[_NEAREST]))
         return Measurement(
             report[_POSITION : _POSITION + 2],
             report[_ROTATION : _ROTATION + 2],
@@ -83,3 +104,10 @@ class Gauge:
             float(report[_CLEARANCE]),
             nearest,
         )
+
+    def _pair(self, place: int) -> tuple[str, str] | None:
+        """Names of the capsules of a pair; None for none."""
+        if place < 0:
+            return None
+        i, j = self._robot.collision.pairs[place]
+        return self._robot.collision.capsules[i].name, self._robot.collision.capsules[j].name

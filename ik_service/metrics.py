@@ -6,7 +6,7 @@ sum can be one request ahead of its count.
 """
 
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from ik_proto import Status
 
@@ -103,6 +103,7 @@ class Metrics:
         build: What is running, such as version and robot.
         meters: Every meter handed out.
         connections: Functions that tell a front end's open connections, by front end.
+        closed: Connections that a front end closed, by reason, by front end.
     """
 
     def __init__(self, build: dict[str, str]) -> None:
@@ -110,6 +111,7 @@ class Metrics:
         self.build = build
         self.meters: list[Meter] = []
         self.connections: dict[str, Callable[[], int]] = {}
+        self.closed: dict[str, Mapping[str, int]] = {}
 
     def meter(self, front_end: str) -> Meter:
         """Add a meter; several of one front end are added up."""

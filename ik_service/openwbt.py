@@ -10,40 +10,39 @@ connection; OpenWBT's server hands the last result of one client to the next.
 from concurrent.futures import Future
 
 from ik_proto import JSON
+from ik_proto.limits import OPENWBT_MARK
 from ik_proto.smoothing import WeightedMovingFilter
-from ik_service.service import Service
-from ik_service.tcp_server import Answer
+from ik_service.conversation import Conversation
+from ik_service.dispatcher import Dispatcher
 
 FIRST_LAGGED_REPLY = b'{"sol_q": null, "success": false, "error_msg": ""}'
 """What OpenWBT's server says before it has solved anything, byte for byte."""
 
-_MARK = b'"current_lr_arm_q"'
+_MARK = f'"{OPENWBT_MARK}"'.encode()
 
 
-class OpenwbtConnection:
+class OpenwbtConnection(Conversation):
     """Answers one connection the way its flags say."""
 
-    def __init__(self, service: Service, others: Answer, smooth: bool, lag: bool) -> None:
+    def __init__(self, dispatcher: Dispatcher, smooth: bool, lag: bool) -> None:
         """Start without history.
 
         Args:
-            service: Answers the requests in OpenWBT's form, which are all plain solves.
-            others: Answers the others.
+            dispatcher: Of this connection alone.
             smooth: Filter the solved joints.
             lag: Answer with the previous result.
         """
-        self._service = service
-        self._others = others
+        super().__init__(dispatcher, JSON)
         self._smoothing = WeightedMovingFilter() if smooth else None
         self._lag = lag
         self._previous = FIRST_LAGGED_REPLY
 
-    def answer(self, body: bytes) -> bytes | Future[bytes]:
+    def answer(self, body: bytes, arrived: float) -> bytes | Future[bytes]:
         """Answer one JSON request with one JSON reply. Never raises."""
         if _MARK not in body:
-            return self._others(body)
-        reply = self._service.handle_bytes(body, JSON, self._smoothing)
-        if not self._lag:
+            return super().answer(body, arrived)
+        reply = self._dispatcher.answer(body, self._codec, arrived, self._smoothing)
+        if not self._lag or not isinstance(reply, bytes):  # one too large to be OpenWBT's
             return reply
         reply, self._previous = self._previous, reply
         return reply

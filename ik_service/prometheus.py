@@ -38,6 +38,13 @@ class MetricsPage(Collector):
         for name, count in self._metrics.connections.items():
             connections.add_metric([name], count())
         yield connections
+        closed = CounterMetricFamily(
+            "ik_connections_closed", "Connections closed by the service, by reason.", labels=["front_end", "reason"]
+        )
+        for name, reasons in self._metrics.closed.items():
+            for reason, count in dict(reasons).items():
+                closed.add_metric([name, reason], count)
+        yield closed
         replies = CounterMetricFamily("ik_requests", "Replies sent, by outcome.", labels=["front_end", "status"])
         latency = HistogramMetricFamily(
             "ik_request_seconds", "Time from a request's bytes to its reply's bytes.", labels=["front_end"]

@@ -4,6 +4,7 @@ Every request gets exactly one reply, whatever is wrong with it. A fault of ours
 plain sentence; its traceback goes to the local log and never over the wire.
 """
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,6 +13,8 @@ import numpy as np
 
 from ik_proto import (
     BatchReply,
+    ClearanceReply,
+    ClearanceRequest,
     Codec,
     DecodeError,
     Document,
@@ -35,6 +38,7 @@ from ik_service.logs import log
 from ik_service.metrics import Meter
 from ik_service.solver import Solver
 
+_EXPIRED_MESSAGE = "its budget_ms had run out before it was its turn"
 _INTERNAL_MESSAGE = "the service failed on this request; its log says why"
 _NOT_CONVERGED_MESSAGE = "the solver stopped before the optimum: sol_q is the request's q, hold the last command"
 _BATCH_NOT_CONVERGED_MESSAGE = "{} of {} rows are not converged: where statuses says so, sol_q is the row's q"
@@ -75,25 +79,34 @@ class Service:
         """
         started = self._clock()
         try:
-            reply = self._handle(codec.decode(body), started, smoothing)
+            reply = self._handle(codec.decode(body), started, math.inf, smoothing)
         except DecodeError as error:
             reply = self.refusal(Status.BAD_REQUEST, str(error))
         except Exception:
             reply = self._internal_fault()
         return self._encoded(reply, codec, started)
 
-    def handle_document(self, document: Document, codec: Codec, started: float) -> bytes:
+    def handle_document(
+        self,
+        document: Document,
+        codec: Codec,
+        started: float,
+        expires: float = math.inf,
+        smoothing: WeightedMovingFilter | None = None,
+    ) -> bytes:
         """Answer a request that was decoded elsewhere. Never raises.
 
         Args:
             document: The request.
             codec: How its reply is encoded.
             started: When its bytes came, by the service's clock [s].
+            expires: Until when its answer is worth having, by the same clock [s].
+            smoothing: As in `handle_bytes`.
 
         Returns:
             The encoded reply.
         """
-        return self._encoded(self._handle(document, started, None), codec, started)
+        return self._encoded(self._handle(document, started, expires, smoothing), codec, started)
 
     def handle(self, document: Document, smoothing: WeightedMovingFilter | None = None) -> Reply:
         """Answer a decoded request. Never raises for anything the request says.
@@ -105,12 +118,16 @@ class Service:
         Returns:
             The reply.
         """
-        return self._handle(document, self._clock(), smoothing)
+        return self._handle(document, self._clock(), math.inf, smoothing)
 
-    def _handle(self, document: Document, started: float, smoothing: WeightedMovingFilter | None) -> Reply:
+    def _handle(
+        self, document: Document, started: float, expires: float, smoothing: WeightedMovingFilter | None
+    ) -> Reply:
         request: Request | None = None
         try:
             request = parse_request(document, self._nq, self._n_waist)
+            if expires < math.inf and self._clock() > expires:
+                return self.refusal(Status.EXPIRED, _EXPIRED_MESSAGE, request.id, _echo(request))
             return self._answer(request, started, smoothing)
         except RequestError as refusal:
             return self.refusal(refusal.status, str(refusal), refusal.id, refusal.q)
@@ -159,8 +176,22 @@ class Service:
                     left_wrist=left,
                     right_wrist=right,
                 )
+            case ClearanceRequest():
+                return self._clearance(request)
             case InfoRequest():
                 return replace(self._engine.about, id=request.id)
+
+    def _clearance(self, request: ClearanceRequest) -> ClearanceReply:
+        clearance, nearest = self._engine.gauge.clearance(request.q, request.waist)
+        return ClearanceReply(
+            success=True,
+            error="",
+            status=Status.OK,
+            id=request.id,
+            boot_id=self._boot_id,
+            clearance=clearance if nearest else None,
+            nearest=nearest,
+        )
 
     def _solve(self, request: SolveRequest, started: float, smoothing: WeightedMovingFilter | None) -> SolveReply:
         solver, collision = self._solver_for(request), request.collision or self._engine.collision

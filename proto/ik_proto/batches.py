@@ -11,11 +11,34 @@ from typing import Any
 import numpy as np
 
 from ik_proto.errors import RowError
-from ik_proto.fields import ANY_FINITE, beyond, read_choice, read_id, read_integer, read_shaped, read_text
+from ik_proto.fields import ANY_FINITE, beyond, read_array, read_choice, read_id, read_integer, read_shaped, read_text
 from ik_proto.hints import as_elbows, as_weight_rows
-from ik_proto.limits import DEFAULT_STARTS, MAX_ABS_JOINT, MAX_BATCH, MAX_STARTS
-from ik_proto.messages import COLLISIONS, MODES, Array, Document, SolveBatchRequest
+from ik_proto.limits import DEFAULT_STARTS, MAX_ABS_JOINT, MAX_BATCH, MAX_POSTURES, MAX_STARTS
+from ik_proto.messages import COLLISIONS, MODES, Array, ClearanceRequest, Document, SolveBatchRequest
 from ik_proto.pose import as_poses
+
+
+def parse_postures(document: Document, n: int, n_waist: int) -> ClearanceRequest:
+    """Validate a `clearance` whose field names are known to be right.
+
+    Args:
+        document: What a codec decoded.
+        n: Number of arm joints of the robot served.
+        n_waist: Number of its waist joints.
+
+    Returns:
+        A typed request.
+
+    Raises:
+        ValueError: Something is wrong with it; one line that names field and row.
+    """
+    k = _count_rows(document.get("q"), n, MAX_POSTURES)
+    waist = document.get("waist")
+    return ClearanceRequest(
+        _read_bounded(document, "q", (k, n), MAX_ABS_JOINT),
+        read_id(document),
+        None if waist is None else read_array(document, "waist", (n_waist,), MAX_ABS_JOINT),
+    )
 
 
 def parse_batch(document: Document, n: int, n_waist: int) -> SolveBatchRequest:
@@ -32,7 +55,7 @@ def parse_batch(document: Document, n: int, n_waist: int) -> SolveBatchRequest:
     Raises:
         ValueError: Something is wrong with it; one line that names field and row.
     """
-    N = _count_rows(document.get("q"), n)
+    N = _count_rows(document.get("q"), n, MAX_BATCH)
     q = _read_bounded(document, "q", (N, n), MAX_ABS_JOINT)
     return SolveBatchRequest(
         left_wrist=_checked("left_wrist", as_poses, read_shaped(document, "left_wrist", (N, 4, 4))),
@@ -51,18 +74,18 @@ def parse_batch(document: Document, n: int, n_waist: int) -> SolveBatchRequest:
     )
 
 
-def _count_rows(q: Any, n: int) -> int:
+def _count_rows(q: Any, n: int, most: int) -> int:
     """How many rows there seem to be; whether they are rows is seen on reading them."""
     if isinstance(q, bytes):
         N = len(q) // max(8 * n, 1)
     elif isinstance(q, list | tuple | np.ndarray) and (not isinstance(q, np.ndarray) or q.ndim > 0):
         N = len(q)
         if N and isinstance(q[0], float | int):
-            raise ValueError(f"q must have a row for each problem, so shape Nx{n}")
+            raise ValueError(f"q must have rows of {n}, even where there is only one")
     else:
         N = 1
-    if not 1 <= N <= MAX_BATCH:
-        raise ValueError(f"q has {N} rows; a batch has 1 to {MAX_BATCH}")
+    if not 1 <= N <= most:
+        raise ValueError(f"q has {N} rows; 1 to {most} are accepted")
     return N
 
 

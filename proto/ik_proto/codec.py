@@ -14,9 +14,13 @@ import numpy as np
 import orjson
 
 from ik_proto.errors import DecodeError
+from ik_proto.limits import MAX_BATCH
 from ik_proto.messages import Document
 
 _FLOAT64 = np.dtype("<f8")
+_MAX_ARRAY = 2 * MAX_BATCH
+"""Longest MessagePack array. Memory for one is taken when its length is read, before its entries: a nest of arrays that
+lie about their length costs a thousand times this. No message has one longer than a batch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +53,12 @@ def _decode_json(body: bytes) -> Document:
 def _lenient_json(body: bytes, error: orjson.JSONDecodeError) -> Any:
     """Read what Python's own `json` writes for NaN and Infinity, so that validation can name the field at fault."""
     try:
-        return json.loads(body)
+        document = json.loads(body)
+        # It also reads halves of surrogate pairs, which nothing can write again: not a reply, a log nor a terminal.
+        json.dumps(document, ensure_ascii=False).encode()
     except (ValueError, RecursionError):
         raise DecodeError(f"not JSON: {error}") from None
+    return document
 
 
 def _encode_msgpack(document: Document) -> bytes:
@@ -68,7 +75,7 @@ def _array_bytes(value: Any) -> bytes:
 
 def _decode_msgpack(body: bytes) -> Document:
     try:
-        document = msgpack.unpackb(body)
+        document = msgpack.unpackb(body, max_array_len=_MAX_ARRAY)
     except (ValueError, TypeError, msgpack.UnpackException, OverflowError) as error:
         raise DecodeError(f"not MessagePack: {error or type(error).__name__}") from None
     return _mapping(document)

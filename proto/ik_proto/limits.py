@@ -9,6 +9,9 @@ batch with every optional field, 1.6 MB and 0.6 MB."""
 MAX_BATCH = 1024
 """Most problems in one `solve_batch`."""
 
+MAX_POSTURES = 128
+"""Most postures in one `clearance`."""
+
 MAX_STARTS = 256
 """Most starts an arm may be given in mode `reach`."""
 
@@ -17,6 +20,12 @@ DEFAULT_STARTS = 128
 
 MAX_ID = 2**53 - 1
 """Largest request id: the integers a JSON number carries exactly (RFC 8259, section 6)."""
+
+MAX_STREAM_CHARACTERS = 64
+"""Longest name of a stream of requests."""
+
+MAX_BUDGET_MS = 10_000.0
+"""Longest time an answer may be worth having [ms]."""
 
 MAX_ABS_POSITION = 100.0
 """Largest coordinate of a wrist target [m]. Anything beyond is a unit mistake, not a target."""
@@ -30,6 +39,9 @@ Larger than any float32 round trip leaves, small enough that a shear or a scale 
 
 MIN_ELBOW_LENGTH = 1e-6
 """Shortest vector from shoulder to elbow that still has a direction; whatever its unit, a shorter one is noise."""
+
+OPENWBT_MARK = "current_lr_arm_q"
+"""The field by which a request in OpenWBT's form is recognised."""
 
 DEFAULT_TCP = "127.0.0.1:12345"
 """Where the TCP JSON endpoint listens unless told otherwise [host:port]; the port of OpenWBT's `ik_server`."""

@@ -115,6 +115,21 @@ class FkRequest:
     waist: Array | None = None
 
 
+@dataclass(slots=True, eq=False)
+class ClearanceRequest:
+    """Ask how clear of itself the body is in some postures, such as those on a way that is about to be taken.
+
+    Attributes:
+        q: Joint positions, shape (k, n) [rad].
+        id: Echoed in the reply.
+        waist: Measured waist joints, the same for all, shape (w,) [rad]; None for a straight waist.
+    """
+
+    q: Array
+    id: int = 0
+    waist: Array | None = None
+
+
 @dataclass(slots=True)
 class InfoRequest:
     """Ask who answers: protocol, robot, joint order, limits, presets.
@@ -126,7 +141,7 @@ class InfoRequest:
     id: int = 0
 
 
-Request = SolveRequest | SolveBatchRequest | FkRequest | InfoRequest
+Request = SolveRequest | SolveBatchRequest | FkRequest | ClearanceRequest | InfoRequest
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -225,6 +240,20 @@ class FkReply(Reply):
 
     left_wrist: Array
     right_wrist: Array
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class ClearanceReply(Reply):
+    """How clear of itself the body is.
+
+    Attributes:
+        clearance: Smallest distance between two capsules of any pair checked, in each posture, shape (k,) [m], negative
+            in penetration; None where the robot has no capsules.
+        nearest: Names of the two capsules that are nearest in the posture with the smallest clearance; None without it.
+    """
+
+    clearance: Array | None
+    nearest: tuple[str, str] | None
 
 
 @dataclass(slots=True, eq=False, kw_only=True)

@@ -9,7 +9,7 @@ from typing import Any
 from ik_proto.errors import ReplyError
 from ik_proto.fields import read_array, read_id, read_integer, read_number, read_text
 from ik_proto.limits import MAX_ID
-from ik_proto.messages import BatchReply, Document, FkReply, InfoReply, Reply, SolveReply
+from ik_proto.messages import BatchReply, ClearanceReply, Document, FkReply, InfoReply, Reply, SolveReply
 from ik_proto.status import ANSWERS, Status, gravest
 
 
@@ -52,6 +52,9 @@ def reply_document(reply: Reply) -> Document:
         case FkReply():
             head["left_wrist"] = reply.left_wrist
             head["right_wrist"] = reply.right_wrist
+        case ClearanceReply():
+            head["clearance"] = reply.clearance
+            head["nearest"] = reply.nearest
         case InfoReply():
             head |= {name: getattr(reply, name) for name in _INFO_FIELDS}
     return head
@@ -116,7 +119,7 @@ def parse_solve_reply(document: Document, n: int) -> SolveReply:
             tau=read_array(document, "tau", (n,)) if success else None,
             position_error=read_array(document, "position_error", (2,)) if success else None,
             rotation_error=read_array(document, "rotation_error", (2,)) if success else None,
-            iterations=int(read_number(document, "iterations")),
+            iterations=read_integer(document, "iterations", 0, MAX_ID),
             solve_us=read_number(document, "solve_us"),
             server_us=read_number(document, "server_us"),
             **(_read_optional(document) if success else _NOTHING),
@@ -153,7 +156,7 @@ def parse_batch_reply(document: Document, rows: int, n: int) -> BatchReply:
             rotation_error=read_array(document, "rotation_error", (rows, 2)),
             clearance=None if document.get("clearance") is None else read_array(document, "clearance", (rows,)),
             start=_read_starts(document, rows),
-            iterations=int(read_number(document, "iterations")),
+            iterations=read_integer(document, "iterations", 0, MAX_ID),
             solve_us=read_number(document, "solve_us"),
             server_us=read_number(document, "server_us"),
         )
@@ -177,6 +180,30 @@ def parse_fk_reply(document: Document) -> FkReply:
         raise ReplyError(f"fk reply: {error}") from None
 
 
+def parse_clearance_reply(document: Document, rows: int) -> ClearanceReply:
+    """Validate the reply to a clearance.
+
+    Args:
+        document: What a codec decoded.
+        rows: Number of postures asked for.
+
+    Returns:
+        The reply.
+
+    Raises:
+        ReplyError: A required field is missing or wrong.
+    """
+    try:
+        measured = document.get("clearance") is not None
+        return ClearanceReply(
+            **_head(document),
+            clearance=read_array(document, "clearance", (rows,)) if measured else None,
+            nearest=_read_pair(document) if measured else None,
+        )
+    except ValueError as error:
+        raise ReplyError(f"clearance reply: {error}") from None
+
+
 def parse_info_reply(document: Document) -> InfoReply:
     """Validate the reply to an info.
 
@@ -188,7 +215,7 @@ def parse_info_reply(document: Document) -> InfoReply:
         n = len(joint_names)
         return InfoReply(
             **_head(document),
-            protocol=int(read_number(document, "protocol")),
+            protocol=read_integer(document, "protocol", 0, MAX_ID),
             version=read_text(document, "version"),
             robot=read_text(document, "robot"),
             model_hash=read_text(document, "model_hash"),
@@ -233,14 +260,18 @@ def _read_optional(document: Document) -> dict[str, Any]:
     read: dict[str, Any] = {}
     if document.get("clearance") is not None:
         read["clearance"] = read_number(document, "clearance")
-        names = document.get("nearest")
-        if not isinstance(names, list) or [type(name) for name in names] != [str, str]:
-            raise ValueError("nearest must be two names")
-        read["nearest"] = (names[0], names[1])
+        read["nearest"] = _read_pair(document)
     if document.get("start") is not None:
         read["start"] = read_integer(document, "start", 0, MAX_ID)
         read["starts"] = read_integer(document, "starts", 0, MAX_ID)
     return read
+
+
+def _read_pair(document: Document) -> tuple[str, str]:
+    names = document.get("nearest")
+    if not isinstance(names, list) or [type(name) for name in names] != [str, str]:
+        raise ValueError("nearest must be two names")
+    return names[0], names[1]
 
 
 def _read_statuses(document: Document, rows: int) -> list[Status]:
@@ -254,8 +285,10 @@ def _read_statuses(document: Document, rows: int) -> list[Status]:
 
 def _read_starts(document: Document, rows: int) -> list[int]:
     starts = document.get("start")
-    if not isinstance(starts, list) or len(starts) != rows or not all(type(k) is int and k >= 0 for k in starts):
-        raise ValueError(f"start must be a list of {rows} integers from 0")
+    if not isinstance(starts, list) or len(starts) != rows:
+        raise ValueError(f"start must be a list of {rows} integers")
+    if not all(type(start) is int and 0 <= start <= MAX_ID for start in starts):
+        raise ValueError("start must hold integers from 0 to 2^53 - 1")
     return starts
 
 

@@ -1,22 +1,25 @@
 """Documents to requests and back: the one place where a request is validated, whatever carried it.
 
-A request names its `verb` ("solve" where it is absent), may carry `id` and the protocol version `v`, and has no other
-fields than its own: a misspelt or newer field is refused by name rather than silently ignored. The one exception is
-a request in OpenWBT's form, recognised by `current_lr_arm_q`: its extra keys are ignored, as OpenWBT's server does.
+A request names its `verb` ("solve" where it is absent), may carry `id`, the protocol version `v` and an envelope, which
+is checked here and used elsewhere, and has no other fields than its own: a misspelt or newer field is refused by name
+rather than silently ignored. The one exception is a request in OpenWBT's form, recognised by `current_lr_arm_q`: its
+extra keys are ignored, as OpenWBT's server does.
 """
 
 from collections.abc import Callable
 from typing import Any
 
-from ik_proto.batches import parse_batch
+from ik_proto.batches import parse_batch, parse_postures
+from ik_proto.envelope import ENVELOPE_FIELDS, read_envelope
 from ik_proto.errors import RequestError
 from ik_proto.fields import as_floats, no_array, read_array, read_choice, read_id, read_integer, read_shaped, read_text
 from ik_proto.hints import as_elbow, as_weights
-from ik_proto.limits import DEFAULT_STARTS, MAX_ABS_JOINT, MAX_STARTS, PROTOCOL_VERSION
+from ik_proto.limits import DEFAULT_STARTS, MAX_ABS_JOINT, MAX_STARTS, OPENWBT_MARK, PROTOCOL_VERSION
 from ik_proto.messages import (
     COLLISIONS,
     MODES,
     Array,
+    ClearanceRequest,
     Document,
     FkRequest,
     InfoRequest,
@@ -30,8 +33,17 @@ from ik_proto.status import Status
 _COMMON = frozenset({"verb", "id", "v"})
 _PLAIN_SOLVE = _COMMON | {"left_wrist", "right_wrist", "q", "dq", "preset"}
 _SOLVE = _PLAIN_SOLVE | {"mode", "waist", "left_elbow", "right_elbow", "weights", "collision", "starts"}
-_FIELDS = {"solve": _SOLVE, "solve_batch": _SOLVE, "fk": _COMMON | {"q", "waist"}, "info": _COMMON}
-_OPENWBT_Q, _OPENWBT_DQ = "current_lr_arm_q", "current_lr_arm_dq"
+_FIELDS = {
+    verb: fields | ENVELOPE_FIELDS
+    for verb, fields in {
+        "solve": _SOLVE,
+        "solve_batch": _SOLVE,
+        "fk": _COMMON | {"q", "waist"},
+        "clearance": _COMMON | {"q", "waist"},
+        "info": _COMMON,
+    }.items()
+}
+_OPENWBT_Q, _OPENWBT_DQ = OPENWBT_MARK, "current_lr_arm_dq"
 _NO_OPTIONS: dict[str, Any] = {}
 
 
@@ -73,10 +85,14 @@ def _parse(document: Document, n: int, n_waist: int) -> Request:
     elif not (plain and verb == "solve") and not document.keys() <= _FIELDS[verb]:
         unknown = next(name for name in document if name not in _FIELDS[verb])
         raise ValueError(f"{verb} has no field {str(unknown)[:40]!r}")
+    if not plain:
+        read_envelope(document)
     if verb == "info":
         return InfoRequest(id=read_id(document))
     if verb == "solve_batch":
         return parse_batch(document, n, n_waist)
+    if verb == "clearance":
+        return parse_postures(document, n, n_waist)
     q = read_array(document, "q", (n,), MAX_ABS_JOINT)
     if verb == "fk":
         return FkRequest(q=q, id=read_id(document), waist=_read_waist(document, n_waist))
@@ -163,8 +179,8 @@ def _readable_id(document: Document) -> int:
 
 
 def _readable_q(document: Document, n: int) -> Array | None:
-    """A single joint vector; the form of a refusal has no room for a batch of them."""
-    if document.get("verb") == "solve_batch":
+    """A single joint vector; the form of a refusal has no room for many of them."""
+    if document.get("verb") in ("solve_batch", "clearance"):
         return None
     name = _OPENWBT_Q if _OPENWBT_Q in document else "q"
     try:
@@ -209,8 +225,8 @@ def request_document(request: Request) -> Document:
                 document["collision"] = request.collision
             if request.starts != DEFAULT_STARTS:
                 document["starts"] = request.starts
-        case FkRequest():
-            document |= {"verb": "fk", "q": request.q}
+        case FkRequest() | ClearanceRequest():
+            document |= {"verb": "fk" if isinstance(request, FkRequest) else "clearance", "q": request.q}
             if request.waist is not None:
                 document["waist"] = request.waist
         case InfoRequest():

@@ -19,6 +19,9 @@ class Status(StrEnum):
     BAD_REQUEST = "bad_request"
     UNSUPPORTED = "unsupported"
     OVERLOADED = "overloaded"
+    SUPERSEDED = "superseded"
+    EXPIRED = "expired"
+    UNAUTHORIZED = "unauthorized"
     INTERNAL = "internal"
 
     @property
@@ -66,7 +69,18 @@ STATUS_TABLE: dict[Status, StatusInfo] = {
         False, "the verb, preset or protocol version is unknown to this service", "ask `info`, or update"
     ),
     Status.OVERLOADED: StatusInfo(
-        False, "the service has no room for this connection, or for one more long request", "hold, retry later"
+        False,
+        "the service has no room for this connection or for one more long request, or it is stopping",
+        "hold, retry later",
+    ),
+    Status.SUPERSEDED: StatusInfo(
+        False, "a newer request of the same stream came while this one waited", "take the newer one's answer"
+    ),
+    Status.EXPIRED: StatusInfo(
+        False, "`budget_ms` ran out while the request waited; it was not solved", "hold, go on with the next target"
+    ),
+    Status.UNAUTHORIZED: StatusInfo(
+        False, "the service demands a token, and this request showed none or a wrong one", "show the token"
     ),
     Status.INTERNAL: StatusInfo(False, "a fault in the service, written to its log", "hold, report it"),
 }

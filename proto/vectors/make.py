@@ -79,6 +79,12 @@ EXAMPLES: dict[str, Document] = {
     "fk_request": request_document(FkRequest(Q, id=8)),
     "bent_fk_request": request_document(FkRequest(Q, id=13, waist=WAIST)),
     "info_request": request_document(InfoRequest(id=9)),
+    "stream_request": {
+        **request_document(SolveRequest(LEFT, RIGHT, Q, -Q, id=14)),
+        "token": "a secret of two ends",
+        "stream": "left controller 3f9a",
+        "budget_ms": 12.5,
+    },
     "openwbt_request": {
         "left_wrist": LEFT.tolist(),
         "right_wrist": RIGHT.tolist(),
@@ -150,6 +156,15 @@ EXAMPLES: dict[str, Document] = {
             sol_q=Q,
         )
     ),
+    "superseded_reply": reply_document(
+        SolveReply(
+            success=False,
+            error="a newer request of its stream came while it waited",
+            status=Status.SUPERSEDED,
+            id=14,
+            boot_id="c0ffee0123456789",
+        )
+    ),
     "fk_reply": reply_document(
         FkReply(
             success=True,
@@ -189,7 +204,13 @@ EXAMPLES: dict[str, Document] = {
     ),
 }
 
-KINDS = {"reach_request": "solve_request", "bent_fk_request": "fk_request", "blocked_reply": "solve_reply"}
+KINDS = {
+    "reach_request": "solve_request",
+    "stream_request": "solve_request",
+    "bent_fk_request": "fk_request",
+    "blocked_reply": "solve_reply",
+    "superseded_reply": "refusal",
+}
 
 
 def files() -> dict[str, bytes]:

@@ -40,7 +40,7 @@ def test_the_largest_batch_goes_there_and_back(ik):
     poses = np.tile(EYE, (MAX_BATCH, 1, 1))
     q = np.random.default_rng(0).uniform(-1.0, 1.0, (MAX_BATCH, 14))
     np.testing.assert_array_equal(ik.solve_batch(poses, poses, q).sol_q, q + 0.1)
-    with pytest.raises(BadRequest, match="q has 1025 rows; a batch has 1 to 1024"):
+    with pytest.raises(BadRequest, match="q has 1025 rows; 1 to 1024 are accepted"):
         ik.solve_batch(poses, poses, np.zeros((MAX_BATCH + 1, 14)))
 
 
@@ -67,10 +67,10 @@ def test_a_refused_batch_is_raised(ik, service):
     [
         ([EYE, bent((2, 2), -1.0)], [EYE, EYE], [Q, Q], r"left_wrist\[1\] is not a pose: .*reflection"),
         ([EYE], [EYE, EYE], [Q, Q], "left_wrist must have shape 2x4x4, not 1x4x4"),
-        (EYE, EYE, Q, "q must have a row for each problem, so shape Nx14"),
+        (EYE, EYE, Q, "q must have rows of 14, even where there is only one"),
         ([EYE], [EYE], [Q[:13]], "q must have shape 1x14, not 1x13"),
         ([EYE], [EYE], [np.full(14, np.nan)], r"q\[0\] holds a number that is not finite"),
-        ([], [], [], "q has 0 rows; a batch has 1 to 1024"),
+        ([], [], [], "q has 0 rows; 1 to 1024 are accepted"),
         ([EYE], [EYE], 3.0, "q must have shape"),
         ([EYE], [EYE], np.array(3.0), "q must have shape"),
         ([EYE], [EYE], "joints", "q must be an array of numbers"),

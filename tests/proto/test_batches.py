@@ -95,7 +95,7 @@ def test_the_largest_batch_fits_a_frame_and_one_row_more_is_refused(codec: Codec
     )
     assert len(codec.encode(reply_document(reply))) < MAX_FRAME_BYTES
     larger = codec.decode(codec.encode(request_document(random_batch(1, MAX_BATCH + 1))))
-    with pytest.raises(RequestError, match="q has 1025 rows; a batch has 1 to 1024"):
+    with pytest.raises(RequestError, match="q has 1025 rows; 1 to 1024 are accepted"):
         parse_request(larger, N_JOINTS)
 
 
@@ -151,9 +151,9 @@ def test_arrays_that_disagree_on_n_are_refused_in_one_line(codec: Codec, name: s
     ("changes", "words"),
     [
         ({"q": ...}, "q is missing"),
-        ({"q": []}, "q has 0 rows; a batch has 1 to 1024"),
+        ({"q": []}, "q has 0 rows; 1 to 1024 are accepted"),
         ({"q": b""}, "q has 0 rows"),
-        ({"q": [0.0] * 14}, "q must have a row for each problem, so shape Nx14"),
+        ({"q": [0.0] * 14}, "q must have rows of 14, even where there is only one"),
         ({"q": 1.0}, "q must have shape 1x14, not of a single number"),
         ({"q": "rows"}, "q must be an array of numbers"),
         ({"q": [[0.0] * 14, [0.0] * 13]}, "q must be an array of numbers with rows of one length"),

@@ -111,6 +111,12 @@ def test_vectors_fit_their_schema_and_no_other_kind(name: str) -> None:
         {"starts": 0},
         {"starts": 257},
         {"starts": 2.5},
+        {"token": 1},
+        {"stream": 1},
+        {"stream": "s" * 65},
+        {"budget_ms": 0},
+        {"budget_ms": 10_001},
+        {"budget_ms": "1"},
     ],
     ids=str,
 )
@@ -136,6 +142,7 @@ def test_schema_and_code_refuse_alike(change: dict[str, Any]) -> None:
         {"starts": [1, 1]},
         {"mode": ["track", "reach"]},
         {"presett": 1},
+        {"stream": ["s", "t"]},
     ],
     ids=lambda change: next(iter(change)),
 )
@@ -146,7 +153,7 @@ def test_schema_and_code_refuse_a_batch_alike(change: dict[str, Any]) -> None:
         parse_request(document, 14)
 
 
-@pytest.mark.parametrize("name", ["solve_request", "solve_batch_request", "fk_request"])
+@pytest.mark.parametrize("name", ["solve_request", "solve_batch_request", "fk_request", "info_request"])
 def test_schema_and_code_let_what_is_not_required_be_null(name: str) -> None:
     schema = SCHEMA["$defs"][name]
     optional = schema["properties"].keys() - {"verb", "v", "id", *schema["required"]}
@@ -158,8 +165,10 @@ def test_schema_and_code_let_what_is_not_required_be_null(name: str) -> None:
 def test_schema_and_code_know_the_same_fields_and_words() -> None:
     fields = _FIELDS
     defs = SCHEMA["$defs"]
-    for verb, kind in (("solve", "solve_request"), ("solve_batch", "solve_batch_request"), ("fk", "fk_request")):
-        assert defs[kind]["properties"].keys() == fields[verb]
+    for verb in ("solve", "solve_batch", "fk", "info"):
+        assert defs[f"{verb}_request"]["properties"].keys() == fields[verb]
+    assert defs["stream"]["maxLength"] == limits.MAX_STREAM_CHARACTERS
+    assert defs["budget_ms"]["maximum"] == limits.MAX_BUDGET_MS
     assert defs["mode"]["enum"] == [*ik_proto.MODES, None]
     assert defs["collision"]["enum"] == [*ik_proto.COLLISIONS, None]
     assert (defs["starts"]["minimum"], defs["starts"]["maximum"]) == (1, limits.MAX_STARTS)
@@ -222,8 +231,10 @@ def test_readme_quotes_the_limits() -> None:
         limits.MAX_STARTS,
         limits.DEFAULT_STARTS,
         limits.MIN_ELBOW_LENGTH,
+        limits.MAX_STREAM_CHARACTERS,
+        limits.MAX_BUDGET_MS,
     ):
-        assert re.search(rf"(?<![\d.,])({number:,}|{number:g})(?!\d|,\d)", text), number
+        assert re.search(rf"(?<![\d.,])({number:,}|{number:,g}|{number:g})(?!\d|,\d)", text), number
 
 
 def test_readme_lists_every_field() -> None:
@@ -261,8 +272,8 @@ def test_readme_examples_are_what_schema_and_code_take(example: str) -> None:
 
 def test_readme_has_an_example_of_every_new_thing() -> None:
     keys = {key for example in EXAMPLES for key in json.loads(example)}
-    for name in ("mode", "starts", "waist", "left_elbow", "right_elbow", "weights", "collision", "nearest", "verb"):
-        assert name in keys
+    options = {"mode", "starts", "waist", "left_elbow", "right_elbow", "weights", "collision"}
+    assert {*options, "nearest", "verb", "stream", "budget_ms"} <= keys
 
 
 def test_everything_exported_exists() -> None:

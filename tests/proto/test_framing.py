@@ -32,6 +32,7 @@ def test_an_unfinished_frame_is_pending() -> None:
 
 @pytest.mark.parametrize("split", [False, True], ids=["at once", "byte by byte"])
 def test_a_length_beyond_the_limit_is_refused_with_what_came_before(split: bool) -> None:
+    """Hazard row: oversized frame."""
     decoder = FrameDecoder(limit=16)
     stream = encode_frame(b"good") + b"\xff\xff\xff\xff junk"
     pieces = [stream[i : i + 1] for i in range(len(stream))] if split else [stream]

@@ -61,6 +61,7 @@ REFUSED = {
 
 @pytest.mark.parametrize(("T", "reason"), REFUSED.values(), ids=REFUSED.keys())
 def test_anything_else_is_refused_with_its_reason(T: np.ndarray, reason: str) -> None:
+    """Hazard rows: NaN / Inf; non-orthonormal / reflected."""
     with pytest.raises(ValueError, match=f"^is not a pose: .*{reason}"):
         as_pose(T)
 

@@ -180,6 +180,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
 
 @pytest.mark.parametrize(("document", "words"), REFUSED.values(), ids=REFUSED.keys())
 def test_a_bad_request_is_refused_in_one_line(document: dict[str, Any], words: str) -> None:
+    """Hazard rows: NaN / Inf; malformed frame."""
     with pytest.raises(RequestError, match=words) as refusal:
         parse_request(document, N)
     assert refusal.value.status is Status.BAD_REQUEST
@@ -219,6 +220,7 @@ def test_a_refusal_carries_what_could_be_read() -> None:
 
 
 def test_rotations_arrive_projected() -> None:
+    """Hazard row: non-orthonormal / reflected; a rounding error is repaired, anything else is refused."""
     rounded = T.copy()
     rounded[:3, :3] += 1e-5
     got = parse_request(solve_document(left_wrist=rounded.tolist()), N)
@@ -234,7 +236,8 @@ any_value = st.recursive(
 )
 plain_names = ["v", "id", "verb", "q", "dq", "left_wrist", "right_wrist", "preset"]
 option_names = ["mode", "waist", "left_elbow", "right_elbow", "weights", "collision", "starts"]
-field_names = st.sampled_from([*plain_names, *option_names, "current_lr_arm_q", "current_lr_arm_dq"])
+envelope_names = ["token", "stream", "budget_ms"]
+field_names = st.sampled_from([*plain_names, *option_names, *envelope_names, "current_lr_arm_q", "current_lr_arm_dq"])
 
 
 @given(st.dictionaries(field_names | st.integers(), any_value, max_size=8), st.booleans())

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from ik_proto import JSON, SolveRequest, request_document
+from ik_service.dispatcher import Dispatcher
 from ik_service.engine import Engine
 from ik_service.metrics import Meter
 from ik_service.openwbt import FIRST_LAGGED_REPLY, OpenwbtConnection
 from ik_service.service import Service
 from ik_service.solver import Solver
+from ik_service.worker import Worker
 
 MakeDocument = Callable[[int], dict[str, Any]]
 
@@ -162,19 +164,21 @@ def test_only_openwbts_requests_get_its_habits(
     solve_request: Callable[[int], SolveRequest],
     truth: Callable[[SolveRequest], np.ndarray],
 ) -> None:
-    service = Service(engine.copy(), Meter("test"))
-    connection = OpenwbtConnection(service, lambda body: service.handle_bytes(body, JSON), smooth=True, lag=True)
+    service, worker = Service(engine.copy(), Meter("test")), Worker()
+    connection = OpenwbtConnection(Dispatcher(service, service, worker), smooth=True, lag=True)
 
     def ask(body: bytes) -> dict[str, Any]:
-        reply = connection.answer(body)
+        reply = connection.answer(body, 0.0)
         assert isinstance(reply, bytes)
         return json.loads(reply)
 
-    assert connection.answer(json.dumps(openwbt_document(0)).encode()) == FIRST_LAGGED_REPLY
+    assert connection.answer(json.dumps(openwbt_document(0)).encode(), 0.0) == FIRST_LAGGED_REPLY
     fresh = ask(JSON.encode(request_document(solve_request(5))))
     assert (fresh["success"], fresh["id"]) == (True, 6)
-    late = ask(json.dumps(openwbt_document(1)).encode())
+    late = ask(json.dumps({**openwbt_document(1), "mode": "reach", "stream": 7, "budget_ms": "soon"}).encode())
     np.testing.assert_allclose(late["sol_q"], truth(solve_request(0)), atol=1e-12)
+    later = ask(json.dumps(openwbt_document(2)).encode())
+    assert later["success"]  # what its own keys are called does not matter
 
 
 def test_the_preset_of_its_own_server_can_be_had(

@@ -183,6 +183,7 @@ def test_residuals_are_those_of_the_returned_joints(
 
 
 def test_out_of_reach_is_followed_and_said(service: Service, document: Callable[..., dict[str, Any]]) -> None:
+    """Hazard row: unreachable."""
     far = np.eye(4)
     far[0, 3] = 2.0
     reply = service.handle(document(left_wrist=far.tolist(), collision="off"))
@@ -252,6 +253,7 @@ def test_every_verb_survives_the_wire(
 def test_a_wrong_request_gets_its_status_and_one_line(
     service: Service, document: Callable[..., dict[str, Any]], changes: dict[str, Any], status: Status, words: str
 ) -> None:
+    """Hazard rows: NaN / Inf; non-orthonormal / reflected; malformed frame."""
     reply = service.handle(document(7, **changes))
     assert isinstance(reply, SolveReply)
     assert (reply.status, reply.success, reply.id) == (status, False, 8)
@@ -264,6 +266,7 @@ def test_a_wrong_request_gets_its_status_and_one_line(
 def test_not_converged_echoes_q_and_gives_nothing_to_follow(
     engine: Engine, solve_request: Callable[[int], SolveRequest]
 ) -> None:
+    """Hazard row: solver failure."""
     request = solve_request(2)
     reply = service_with(engine, Status.NOT_CONVERGED).handle(request_document(request))
     assert isinstance(reply, SolveReply)
@@ -311,6 +314,7 @@ def test_nothing_is_remembered_between_requests(service: Service, document: Call
 
 @given(body=st.binary(max_size=200))
 def test_any_bytes_get_exactly_one_reply(engine: Engine, body: bytes) -> None:
+    """Hazard row: malformed frame."""
     service = Service(engine, Meter("test"))
     for codec in (JSON, MSGPACK):
         reply = codec.decode(service.handle_bytes(body, codec))

@@ -8,7 +8,7 @@ import json
 import struct
 
 import pytest
-from tcp_tools import Run, connect, echo_server, is_served, read_to_the_end, receive, refuse, until
+from tcp_tools import Echo, Run, connect, echo_server, is_served, read_to_the_end, receive, refuse, until
 
 from ik_proto import MAX_FRAME_BYTES, encode_frame
 from ik_service.addresses import AddressInUse
@@ -193,7 +193,7 @@ def test_stop_answers_what_has_arrived(run: Run) -> None:
 def test_an_address_in_use_says_so(run: Run) -> None:
     async def main() -> None:
         async with echo_server() as (_, address):
-            other = TcpServer(lambda: bytes, refuse)
+            other = TcpServer(Echo, refuse)
             with pytest.raises(AddressInUse) as caught:
                 await other.start(address)
             assert str(address) in str(caught.value)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from ik_service.worker import Busy, Worker
+from ik_service.worker import Busy, Stream, Worker
 
 LIMIT_S = 10.0
 
@@ -72,6 +72,19 @@ def test_a_cancelled_job_leaves_its_place_to_another(worker: Worker, gate: Gate)
     gate.open.set()
     assert (kept.result(LIMIT_S), another.result(LIMIT_S)) == (b"kept", b"another")
     assert done == []
+
+
+def test_what_waits_of_a_stream_is_superseded_at_once(worker: Worker, gate: Gate) -> None:
+    """Hazard row: stale target."""
+    running = worker.submit(gate, Stream("a", lambda: b"superseded"))
+    assert gate.begun.wait(LIMIT_S)
+    old = worker.submit(lambda: b"old", Stream("a", lambda: b"superseded"))
+    other = worker.submit(lambda: b"other", Stream("b", lambda: b"superseded"))
+    worker.supersede("a")
+    assert old.result(0.0) == b"superseded"
+    new = worker.submit(lambda: b"new", Stream("a", lambda: b"superseded"))  # into the place that has become free
+    gate.open.set()
+    assert [job.result(LIMIT_S) for job in (running, other, new)] == [b"gate", b"other", b"new"]
 
 
 def test_a_job_that_raises_does_not_take_the_thread_along(worker: Worker) -> None:

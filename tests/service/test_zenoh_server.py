@@ -115,7 +115,7 @@ def test_two_replicas_behind_a_router_have_keys_of_their_own(start_service: Call
     router_config.insert_json5("listen/endpoints", json.dumps(list(listen_locators(zenoh_config("tcp/127.0.0.1:0")))))
     with zenoh.open(router_config):
         (locator,) = listen_locators(router_config)
-        replicas = [start_service("--tcp", "off", "--zenoh-connect", locator) for _ in range(2)]
+        replicas = [start_service("--tcp", "off", "--zenoh-connect", locator, "--replica") for _ in range(2)]
         with open_client(locator) as session:
             for replica in replicas:
                 boot_id = replica.ready["boot_id"]
