@@ -14,6 +14,7 @@ The time-optimal ways are those of ruckig (extra `teleop`), which is loaded when
 OpenWBT's own clip of 0.01 rad per control tick, take `StepLimiter`.
 """
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -49,6 +50,23 @@ class MotionLimits:
     velocity: float | Array = 3.0
     acceleration: float | Array = 20.0
     jerk: float | Array = 1000.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Saved:
+    """A state of a limiter.
+
+    Attributes:
+        q: Where the joints are, shape (n,) [rad].
+        velocity: How they move, shape (n,) [rad/s].
+        acceleration: How that changes, shape (n,) [rad/s^2].
+        goals: The goals of the last ticks, oldest first.
+    """
+
+    q: Array
+    velocity: Array
+    acceleration: Array
+    goals: tuple[Array, ...]
 
 
 class JointLimiter:
@@ -131,7 +149,31 @@ class JointLimiter:
             return self._q.copy()
         return np.array(self._spare.at_time(self._spare.duration)[0])
 
-    def limit(self, q_last: Array, q_wanted: Array, dt: float | None = None) -> Array:
+    def stop_path(self, most: int = 12) -> Array:
+        """Where the joints are at the following ticks if they brake from here on; the last row is the resting point.
+
+        Args:
+            most: Largest number of rows; where the stop takes more ticks, they are spread over it evenly.
+
+        Returns:
+            Positions, shape (k, n) [rad], k from 1 to `most`.
+        """
+        if not self._compute(self._q, np.zeros(len(self._q)), np.ones(len(self._q), dtype=bool)):
+            return self._q[None].copy()
+        count = math.ceil(self._spare.duration / self.period)
+        spacing = self.period if count <= most else self._spare.duration / most
+        return np.array([self._spare.at_time(k * spacing)[0] for k in range(1, max(1, min(count, most)) + 1)])
+
+    def save(self) -> "Saved":
+        """Keep the present state, to come back to."""
+        return Saved(self._q, self._velocity, self._acceleration, self._moving_goal.past)
+
+    def restore(self, saved: "Saved") -> None:
+        """Come back to a state: what was limited since then did not happen."""
+        self.resume(saved.q, saved.velocity, saved.acceleration)
+        self._moving_goal.past = saved.goals
+
+    def limit(self, q_last: Array, q_wanted: Array, dt: float | None = None, haste: float | Array = 1.0) -> Array:
         """Move from the last command towards the wanted joints.
 
         Args:
@@ -139,6 +181,8 @@ class JointLimiter:
                 at rest.
             q_wanted: Where to go, shape (n,) [rad]; a joint without a finite goal brakes and holds.
             dt: Time since the last command [s], taken as within half a period and two; None for a period.
+            haste: Fraction of the velocity limits to use, above 0 to 1: one number, or one for each joint. A joint that
+                is faster slows down to it.
 
         Returns:
             The next command, shape (n,) [rad], finite. A new array.
@@ -150,6 +194,7 @@ class JointLimiter:
             if np.shape(q_last) != self._q.shape or not np.isfinite(q_last).all():
                 raise ValueError(f"the last command must be {len(self._q)} finite numbers and is not")
             self._restart(q_last)
+        self._haste = haste
         step = self._clamped(dt)
         if not (self._meet(q_wanted, step) or self._go_on(step)):
             self._brake(step)
@@ -174,6 +219,7 @@ class JointLimiter:
         self._age = 0.0
         self._ends_at_rest = True
         self._planned = False
+        self._haste = 1.0
 
     def _clamped(self, dt: float | None) -> float:
         if dt is None:
@@ -188,6 +234,8 @@ class JointLimiter:
         wanted = np.clip(wanted, self._lower, self._upper)
         goal = np.clip(wanted, self._q - self._horizon, self._q + self._horizon)
         drift = self._moving_goal.speed(np.where(brakes, np.nan, wanted))
+        meetable = _MEETABLE * self._haste * self._velocity_limit
+        drift = np.clip(drift, -meetable, meetable)
         # A goal is where the joint shall be at the end of this step.
         if drift.any() and self._compute(goal - drift * step, drift, brakes):
             q, velocity, acceleration = self._at(self._spare, step, drift)
@@ -234,8 +282,9 @@ class JointLimiter:
         plan.current_velocity = (self._velocity - drift).tolist()
         plan.current_acceleration = self._acceleration.tolist()
         plan.target_position = goal.tolist()
-        plan.max_velocity = (self._velocity_limit - drift).tolist()
-        plan.min_velocity = (-self._velocity_limit - drift).tolist()
+        limit = self._haste * self._velocity_limit
+        plan.max_velocity = (limit - drift).tolist()
+        plan.min_velocity = (-limit - drift).tolist()
         plan.per_dof_control_interface = [self._to_rest if brake else self._to_position for brake in brakes.tolist()]
         try:
             return self._planner.calculate(plan, self._spare) >= 0

@@ -42,7 +42,7 @@ class StepLimiter:
         """Where the joints are: the last command, shape (n,) [rad]; without joints before the first."""
         return self._rest.copy()
 
-    def limit(self, q_last: Array, q_wanted: Array, dt: float | None = None) -> Array:
+    def limit(self, q_last: Array, q_wanted: Array, dt: float | None = None) -> Array:  # noqa: ARG002  # as limiters go
         """Move from the last command towards the wanted joints.
 
         Args:

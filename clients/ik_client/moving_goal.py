@@ -1,7 +1,8 @@
 """How fast a goal moves, from where it has been lately.
 
 Trackers sample more slowly than a loop ticks, so goals come in steps: the speed is taken over a window, not from tick
-to tick. A goal that turned back, leapt, or has no past counts as standing still.
+to tick. A goal that turned back, leapt, or has no past counts as standing still. One that is faster than a joint may be is
+taken as just as fast.
 """
 
 from collections import deque
@@ -22,11 +23,21 @@ class MovingGoal:
 
         Args:
             period: Time between two ticks [s].
-            fastest: Beyond this a goal leaps rather than moves, shape (n,) [rad/s].
+            fastest: The largest speed to give, shape (n,) [rad/s]. At twice of it a goal leaps rather than moves.
         """
         self._period = period
         self._fastest = fastest
         self._goals: deque[Array] = deque(maxlen=1 + max(2, round(WINDOW / period)))
+
+    @property
+    def past(self) -> tuple[Array, ...]:
+        """The goals remembered, oldest first."""
+        return tuple(self._goals)
+
+    @past.setter
+    def past(self, goals: tuple[Array, ...]) -> None:
+        self._goals.clear()
+        self._goals.extend(goals)
 
     def forget(self) -> None:
         """Begin anew."""
@@ -48,4 +59,5 @@ class MovingGoal:
         speed = (goal - self._goals[0]) / (span * self._period)
         turned = np.sign(goal - self._goals[-2]) * np.sign(speed) < 0.0
         # Comparisons with NaN are false: a joint that had no goal lately has none that moves.
-        return np.where((np.abs(speed) < self._fastest) & ~turned, speed, 0.0)
+        moves = (np.abs(speed) < 2.0 * self._fastest) & ~turned
+        return np.where(moves, np.clip(speed, -self._fastest, self._fastest), 0.0)

@@ -26,20 +26,25 @@ This is not a safety function; the robot side keeps its own watchdog and limiter
 import secrets
 import time
 from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 
 from ik_client.arm_joints import SIDES, aligned, joints_of, torque_on_the_way
+from ik_client.clear_way import ClearWay
 from ik_client.engagement import ArmEngagement, ArmStep
 from ik_client.errors import ServiceTimeout, ServiceUnavailable
+from ik_client.joint_limiter import JointLimiter
 from ik_client.resting_wrists import RestingWrists
 from ik_client.robot_watch import RobotWatch
 from ik_client.service_watch import ServiceWatch
 from ik_client.state_machine import ArmState
 from ik_client.tick_report import LoopState, Seed, TickReport
 from ik_client.types import Command, Hands, HandSource, Limiter, RobotPort, RobotState, Solver
-from ik_proto import Array, Collision, FkReply, SolveReply
+from ik_proto import Array, Collision, FkReply, Reply, SolveReply
 from ik_proto.smoothing import WeightedMovingFilter
+
+R = TypeVar("R", bound=Reply)
 
 ALIGNMENT = 0.1
 """Largest difference of a joint's command and measurement with which an arm may be engaged [rad]."""
@@ -113,8 +118,8 @@ class TeleopLoop:
             collision: What to do about self-collision, as in `IKClient.solve`; None takes the service's default.
             agreement: Largest difference of a joint's command and measurement with which the command still counts as
                 where the arm is [rad].
-            period: Time of the robot from one command to the next, where it is not that of the clock, as in a simulation
-                that advances by a tick for each command [s]; None for the clock's.
+            period: Time of the robot from one command to the next, where it is not that of the clock, as in a
+                simulation that advances by a tick for each command [s]; None for the clock's.
             clock: Monotonic time [s].
         """
         self.session = secrets.token_hex(6)
@@ -132,6 +137,8 @@ class TeleopLoop:
         self._service = ServiceWatch()
         self._robot = RobotWatch()
         self._wrists = RestingWrists(self._fk)
+        checks = isinstance(limiter, JointLimiter) and collision in (None, "avoid")
+        self._way = ClearWay(limiter, self._clearance) if checks else None
         self._last: Command | None = None
         self._fault = ""
         self._clear = False
@@ -191,7 +198,10 @@ class TeleopLoop:
         goal, tau = self._goal(tick, steps, last)
         tracking = goal is not None
         q_wanted = goal if goal is not None else self._rest(tick, last)
-        q = self._limiter.limit(last.q, q_wanted, self._period or tick.time - last.time)
+        q = self._move(tick, last, q_wanted) if tracking else None
+        if q is None:
+            tracking, q_wanted = False, q_wanted if not tracking else np.full(len(last.q), np.nan)
+            q = self._limiter.limit(last.q, q_wanted, self._since(last, tick))
         command = self._send(q, torque_on_the_way(last.q, q, q_wanted, last.tau, tau), tick.time)
         return TickReport(
             time=tick.time,
@@ -303,33 +313,35 @@ class TeleopLoop:
         tick.seed = Seed.COMMAND if agrees else Seed.MEASURED
         begin = self._clock()
         try:
-            reply = self._ik.solve(
-                targets[0],
-                targets[1],
-                last.q if agrees else measured.q,
-                measured.dq,
-                waist=measured.waist,
-                left_elbow=tick.hands.left_elbow,
-                right_elbow=tick.hands.right_elbow,
-                weights=tick.hands.weights,
-                collision=self._collision,
+            return self._heard(
+                lambda: self._ik.solve(
+                    targets[0],
+                    targets[1],
+                    last.q if agrees else measured.q,
+                    measured.dq,
+                    waist=measured.waist,
+                    left_elbow=tick.hands.left_elbow,
+                    right_elbow=tick.hands.right_elbow,
+                    weights=tick.hands.weights,
+                    collision=self._collision,
+                )
             )
-        except Exception as error:
-            self._service.failed(_one_line(error), tick.time, silent=_silence(error))
-            raise
         finally:
             tick.round_trip = self._clock() - begin
-        self._same_run(reply.boot_id)
-        return reply
 
     def _fk(self, q: Array, waist: Array | None) -> FkReply:
+        reply = self._heard(lambda: self._ik.fk(q, waist))
+        self._service.heard(engaged=self._under_way)
+        return reply
+
+    def _heard(self, ask: Callable[[], R]) -> R:
+        """Ask the service something, and take note of how that went."""
         try:
-            reply = self._ik.fk(q, waist)
+            reply = ask()
         except Exception as error:
             self._service.failed(_one_line(error), self._clock(), silent=_silence(error))
             raise
         self._same_run(reply.boot_id)
-        self._service.heard(engaged=self._under_way)
         return reply
 
     @property
@@ -345,6 +357,26 @@ class TeleopLoop:
     def _resting_point(self, last: Command) -> Array:
         rest = self._limiter.resting_point
         return rest if rest.shape == last.q.shape and np.isfinite(rest).all() else last.q
+
+    def _since(self, last: Command, tick: _Tick) -> float:
+        """Time since the last command, as the robot counts it [s]."""
+        return self._period or tick.time - last.time
+
+    def _move(self, tick: _Tick, last: Command, q_wanted: Array) -> Array | None:
+        """The step towards a goal; None where it cannot be told whether it is clear of the body."""
+        if self._way is None:
+            return self._limiter.limit(last.q, q_wanted, self._since(last, tick))
+        waist = tick.measured.waist if tick.measured else None
+        try:
+            return self._way.step(last.q, q_wanted, self._since(last, tick), waist)
+        except Exception as error:
+            tick.note(error)
+            return None
+
+    def _clearance(self, q: Array, waist: Array | None) -> Array:
+        """Smallest distance between two parts of the body at each row of joints [m]."""
+        reply = self._heard(lambda: self._ik.clearance(q, waist))
+        return np.full(len(q), np.inf) if reply.clearance is None else reply.clearance
 
     def _rest(self, tick: _Tick, last: Command) -> Array:
         """The goal of a tick that follows nothing: rest, or towards where the robot's end holds its joints."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from ik_client.hand import HandSample
-from ik_proto import Array, Collision, FkReply, Mode, SolveReply
+from ik_proto import Array, ClearanceReply, Collision, FkReply, Mode, SolveReply
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,6 +132,10 @@ class Solver(Protocol):
 
     def fk(self, q: Array, waist: Array | None = None) -> FkReply:
         """Say where the wrists are; see `IKClient.fk`."""
+        ...
+
+    def clearance(self, q: Array, waist: Array | None = None) -> ClearanceReply:
+        """Say how clear of itself the body is in some postures; see `IKClient.clearance`."""
         ...
 
 

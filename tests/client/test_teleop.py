@@ -27,7 +27,7 @@ from ik_client import (
     WeightedMovingFilter,
 )
 from ik_client.joint_limiter import JointLimiter, MotionLimits
-from ik_proto import FkReply, SolveReply, Status
+from ik_proto import ClearanceReply, FkReply, SolveReply, Status
 
 pytest.importorskip("ruckig")
 
@@ -98,9 +98,21 @@ class Service:
     def __init__(self) -> None:
         self.says: Callable[[np.ndarray], SolveReply | Exception] = lambda q: answer(np.ones(N))
         self.knows: Callable[[np.ndarray], FkReply | Exception] = lambda q: self.wrists()
+        self.measures: Callable[[np.ndarray], ClearanceReply | Exception] = lambda q: self.clear(q, 1.0)
+        self.measured = 0
         self.boot_id = "a"
         self.asked: list[tuple[np.ndarray, ...]] = []
         self.options: list[dict] = []
+
+    def clear(self, q, distance) -> ClearanceReply:
+        return ClearanceReply(
+            success=True,
+            error="",
+            status=Status.OK,
+            boot_id=self.boot_id,
+            clearance=np.full(len(q), distance),
+            nearest=("left_hand", "torso"),
+        )
 
     def wrists(self) -> FkReply:
         left, right = EYE.copy(), EYE.copy()
@@ -116,6 +128,10 @@ class Service:
 
     def fk(self, q, waist=None) -> FkReply:
         return _told(self.knows(q))
+
+    def clearance(self, q, waist=None) -> ClearanceReply:
+        self.measured += len(q)
+        return _told(self.measures(q))
 
 
 def _told(said):
@@ -248,6 +264,52 @@ def test_an_answer_that_needs_the_held_arm_elsewhere_is_not_followed():
     bench.ticks(20)
     np.testing.assert_array_equal(bench.robot.commands[-1].q[RIGHT], np.zeros(7))
     assert at_rest(bench.robot.commands)
+
+
+def test_a_step_that_could_not_be_stopped_clear_of_the_body_is_not_taken():
+    """Hazard: self-collision. The answer is clear, but an arm with speed would be carried past it."""
+    bench = Bench()
+
+    def wall(q):
+        reply = bench.service.clear(q, 0.0)
+        reply.clearance = 0.4 - q[:, 0]
+        return reply
+
+    bench.service.measures = wall
+    bench.engage()
+    bench.ticks(60)
+    q = np.array([command.q[0] for command in bench.robot.commands])
+    assert q.max() <= 0.395
+    assert q.max() > 0.3
+    bench.assert_bounded()
+
+
+@pytest.mark.parametrize(("collision", "asks"), [(None, True), ("avoid", True), ("report", False), ("off", False)])
+def test_the_way_is_measured_where_collisions_are_avoided(collision, asks):
+    bench = Bench(collision=collision)
+    bench.engage()
+    assert bool(bench.service.measured) is asks
+
+
+def test_where_the_way_cannot_be_measured_the_arm_brakes():
+    bench = Bench()
+    bench.engage()
+    bench.ticks(5)
+    bench.service.measures = lambda q: ServiceTimeout(URL, 0.01)
+    report = bench.tick()
+    assert report.state is LoopState.HOLDING
+    assert "no answer within" in report.reason
+    bench.ticks(40)
+    assert at_rest(bench.robot.commands)
+    bench.assert_bounded()
+
+
+def test_a_robot_without_capsules_is_not_slowed():
+    bench = Bench()
+    bench.service.measures = lambda q: replace(bench.service.clear(q, 0.0), clearance=None, nearest=None)
+    bench.engage()
+    bench.ticks(60)
+    np.testing.assert_allclose(bench.robot.commands[-1].q, np.ones(N), atol=1e-9)
 
 
 def test_a_report_tells_what_happened():
@@ -683,7 +745,7 @@ def test_the_bounds_would_break_without_the_limiter():
             return np.where(np.isfinite(q_wanted), q_wanted, q_last)
 
     bench = Bench()
-    bench.loop._limiter = NoLimiter()
+    bench.loop._limiter, bench.loop._way = NoLimiter(), None
     bench.engage()
     with pytest.raises(AssertionError):
         bench.assert_bounded()

@@ -7,7 +7,7 @@ import numpy as np
 from ik_client import ArmState, ArmStep, Hands, HandSample
 from ik_client.gate import Verdict
 from ik_client.state_machine import Event
-from ik_proto import Array, FkReply, SolveReply, Status
+from ik_proto import Array, ClearanceReply, FkReply, SolveReply, Status
 
 # The right arm comes first in the file, a leg between the arms: order must not matter.
 TOY_MODEL = """
@@ -114,6 +114,16 @@ class FakeSolver:
             raise self.fault
         return FkReply(
             success=True, error="", status=Status.OK, boot_id="first", left_wrist=np.eye(4), right_wrist=np.eye(4)
+        )
+
+    def clearance(self, q: Array, waist: Array | None = None) -> ClearanceReply:
+        return ClearanceReply(
+            success=True,
+            error="",
+            status=Status.OK,
+            boot_id="first",
+            clearance=np.full(len(q), 1.0),
+            nearest=("a", "b"),
         )
 
     def solve(self, left_wrist: Array, right_wrist: Array, q: Array, dq: Array, **options: object) -> SolveReply:
