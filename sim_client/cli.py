@@ -13,6 +13,9 @@ from sim_client.extras import missing_extra
 
 EXIT_OK, EXIT_USAGE = 0, 2
 
+_ROBOT_ONLY = {"listen", "token_file", "tls_cert", "tls_key", "tls_client_ca", "insecure"}
+"""Options of the robot alone."""
+
 _EPILOG = """\
 examples:
   ik-service serve                                     in one terminal, then in another:
@@ -21,6 +24,7 @@ examples:
   ik-sim --motion dance.npz --feed-forward             a recorded motion
   ik-sim --drag                                        drag the targets: double click, then Ctrl and right mouse button
   ik-sim zenoh://127.0.0.1:7447 --headless             over Zenoh
+  ik-sim --listen 127.0.0.1:12346                      the robot alone: commands come over a link, from another process
 
 exit codes:
   0  ran to the end, until Ctrl-C, or until the window was closed
@@ -41,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return run_command("ik-sim", ("sim",), lambda: _simulate(options))
 
 
-def run_command(name: str, extras: tuple[str, ...], command: Callable[[], None]) -> int:
+def run_command(name: str, extras: tuple[str, ...], command: Callable[[], object]) -> int:
     """Run a command of the simulator; a mistake becomes one line on standard error.
 
     Args:
@@ -71,13 +75,36 @@ def run_command(name: str, extras: tuple[str, ...], command: Callable[[], None])
     return EXIT_OK
 
 
-def _simulate(options: dict) -> None:
+def _simulate(options: dict) -> object:
     from rich.console import Console
 
+    if "listen" in options:
+        return _robot_only(options)
     from sim_client.session import run_session
-    from sim_client.settings import Settings
+    from sim_client.settings import Settings, SettingsError
 
-    run_session(Settings(**options), Console())
+    strays = _ROBOT_ONLY & options.keys()
+    if strays:
+        raise SettingsError(f"{_flag(min(strays))} goes with --listen only")
+    return run_session(Settings(**options), Console())
+
+
+def _robot_only(options: dict) -> None:
+    from rich.console import Console
+
+    from sim_client.robot_only import RobotSettings, run_robot
+    from sim_client.settings import SettingsError
+
+    options.pop("url")
+    strays = options.keys() - _ROBOT_ONLY - {"robot", "headless", "duration", "report"}
+    if strays:
+        raise SettingsError(f"{_flag(min(strays))} is of no use with --listen: the robot alone does what it is told")
+    console = Console()
+    run_robot(RobotSettings(**options), console, console if console.is_terminal else Console(stderr=True))
+
+
+def _flag(name: str) -> str:
+    return "--" + name.replace("_", "-")
 
 
 def _interrupt(_signal: int, _frame: object) -> None:
@@ -116,21 +143,38 @@ def _parser() -> argparse.ArgumentParser:
     )
     control.add_argument("--smooth", action="store_true", help="filter the answers as OpenWBT does: 0.4, 0.3, 0.2, 0.1")
     control.add_argument(
+        "--max-velocity", metavar="RAD/S", type=float, help="largest velocity of a joint's command (3)"
+    )
+    control.add_argument(
         "--max-step",
         metavar="RAD",
         type=float,
-        help="largest step of a joint per 20 ms tick (0.04, which is 2 rad/s: what OpenWBT's 0.01 rad per 5 ms step "
-        "amounts to in its simulation)",
+        help="clip each joint's step per 20 ms tick instead, as OpenWBT does (0.04 is what its 0.01 rad per 5 ms step "
+        "amounts to in its simulation); without bounds of acceleration and jerk",
     )
     control.add_argument(
         "--timeout", metavar="S", type=float, help="how long a tick waits for the service, less than 0.02 (0.01)"
     )
     control.add_argument(
+        "--ramp", metavar="S", type=float, help="how long the robot's end takes to hand its arms over (2)"
+    )
+    control.add_argument(
         "--duration",
         metavar="S",
         type=float,
-        help="simulated time to run (the motion's length; 12 s for a path without a window; else until it is closed)",
+        help="simulated time to run (the motion's length; 14 s for a path without a window; else until it is closed)",
     )
+    robot = parser.add_argument_group("the robot alone: no service, no targets; a loop elsewhere commands it")
+    robot.add_argument("--listen", metavar="HOST:PORT", help="take commands there; port 0 lets the system choose")
+    robot.add_argument(
+        "--token-file", metavar="FILE", type=Path, help="loops must show the token in it, or in $IK_TOKEN"
+    )
+    robot.add_argument("--tls-cert", metavar="FILE", type=Path, help="certificate of the robot (PEM), for TLS")
+    robot.add_argument("--tls-key", metavar="FILE", type=Path, help="its private key (PEM)")
+    robot.add_argument(
+        "--tls-client-ca", metavar="FILE", type=Path, help="authorities that a loop's certificate must come from (PEM)"
+    )
+    robot.add_argument("--insecure", action="store_true", help="let other machines in without asking who they are")
     output = parser.add_argument_group("what to write, after the run")
     output.add_argument("--report", metavar="FILE.json", type=Path, help="all numbers of the run")
     output.add_argument("--video", metavar="FILE.mp4", type=Path, help="a film, 25 frames a second")

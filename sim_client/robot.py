@@ -1,10 +1,12 @@
 """A simulated robot behind the robot port: the far end of the teleop loop.
 
 - `send` takes a command for the arm joints; `advance` runs the physics of one control tick.
+- A `RobotGuard` has the last word, as on a real robot: whom to follow, how fast, and how much the set-point counts.
+- An onboard controller holds every joint at home. Of the arms, q* is the guard's set-point times its weight and the
+  onboard controller's times the rest, and so is the feed-forward torque, which the onboard controller has none of.
 - Every physics step applies tau = kp (q* - q) - kd dq + feed-forward, with the gains of the description, and the motors
   cut it at their limits.
-- Joints outside the arms hold their home position, and the base is held in space.
-- A tick for which no command came repeats the last one, and is counted.
+- The base is held in space.
 - Joints are found by name; their order in the model file does not matter.
 """
 
@@ -15,6 +17,8 @@ import mujoco
 import numpy as np
 
 from ik_client import Command, RobotState
+from ik_client.robot_end import EndState, Reception, RobotGuard
+from ik_client.robot_end.guard import RAMP
 from ik_proto import Array
 from ik_proto.robots import RobotDescription
 from sim_client.model import WRIST_SITES, body_pose, invert, wrist_poses
@@ -34,17 +38,22 @@ class SimRobot:
         data: Its state.
         ticks: Control ticks simulated.
         ticks_without_command: Those of them for which no new command had come.
+        guard: Its own end of the teleop loop.
     """
 
-    def __init__(self, description: RobotDescription, *, clock: Callable[[], float] = time.monotonic) -> None:
-        """Build the model and put every joint at home.
+    def __init__(
+        self, description: RobotDescription, *, clock: Callable[[], float] = time.monotonic, ramp: float = RAMP
+    ) -> None:
+        """Build the model and put every joint at home; the arms are the onboard controller's.
 
         Args:
             description: The robot.
-            clock: Gives the time of measurements [s].
+            clock: Monotonic time, by which commands are late [s].
+            ramp: How long the weight takes from 0 to 1, and back, in simulated time [s].
 
         Raises:
             RobotError: The description does not fit its model file.
+            ImportError: ruckig is not installed.
         """
         self.description = description
         self.model = build_scene(description)
@@ -58,7 +67,8 @@ class SimRobot:
         self._v_address = np.array([joint.dofadr[0] for joint in joints])
         self._kp = np.array([joint.kp for joint in described])
         self._kd = np.array([joint.kd for joint in described])
-        self._q_wanted = np.array([joint.home for joint in described])
+        self._home = np.array([joint.home for joint in described])
+        self._q_wanted = self._home.copy()
         self._tau = np.zeros(len(joints))
         self._arms = np.array([self.model.actuator(name).id for name in description.arm_joints])
         self._waist = np.array([self.model.actuator(name).id for name in description.waist], dtype=int)
@@ -67,6 +77,8 @@ class SimRobot:
         self._sites = (self.model.site(left).id, self.model.site(right).id)
         self._mocap = tuple(int(self.model.body(name).mocapid[0]) for name in TARGET_BODIES)
         self._commanded = False
+        lower, upper = _ranges([joints[i] for i in self._arms])
+        self.guard = RobotGuard(len(self._arms), CONTROL_PERIOD, lower=lower, upper=upper, ramp=ramp)
         self.data.qpos[self._q_address] = self._q_wanted
         mujoco.mj_forward(self.model, self.data)
         self.show_targets(*self.wrists())
@@ -78,26 +90,61 @@ class SimRobot:
 
     def read(self) -> RobotState:
         """Measure the joints of the arms and of the waist, which gives way a little under their weight."""
+        return self.read_for(busy=False)
+
+    def read_for(self, *, busy: bool) -> RobotState:
+        """The same, for one of several sources.
+
+        Args:
+            busy: Whether another source than the one that asks holds the robot.
+        """
         q, dq = self.data.qpos[self._q_address], self.data.qvel[self._v_address]
-        return RobotState(
-            q[self._arms], dq[self._arms], self._clock(), waist=q[self._waist] if len(self._waist) else None
-        )
+        waist = q[self._waist] if len(self._waist) else None
+        return self.guard.report(q[self._arms], dq[self._arms], self._clock(), waist, busy)
 
     def send(self, command: Command) -> None:
-        """Take over a command for the coming tick."""
-        self._q_wanted[self._arms] = command.q
-        self._tau[self._arms] = command.tau
-        self._commanded = True
+        """Offer a command to the guard, now."""
+        self.offer(command, self._clock())
+
+    def offer(self, command: Command, arrived: float) -> Reception:
+        """Offer a command to the guard.
+
+        Args:
+            command: The command.
+            arrived: When it came, by the robot's clock [s].
+
+        Returns:
+            What became of it.
+        """
+        reception = self.guard.offer(command, arrived)
+        self._commanded |= reception is Reception.ACCEPTED
+        return reception
+
+    def release(self) -> None:
+        """Give the arms back for good, because the program ends; `advance` until the guard's weight is 0."""
+        self.guard.release()
+
+    @property
+    def released(self) -> bool:
+        """Whether the arms are the onboard controller's."""
+        return self.guard.state is EndState.RELEASED
 
     def advance(self) -> None:
         """Simulate one control tick."""
         self.ticks += 1
         self.ticks_without_command += not self._commanded
         self._commanded = False
+        self._take_setpoint()
         for _ in range(STEPS_PER_TICK):
             self.data.ctrl[:] = self._torque()
             mujoco.mj_step(self.model, self.data)
         mujoco.mj_kinematics(self.model, self.data)  # Poses of the state that was reached, not of the one before it.
+
+    def _take_setpoint(self) -> None:
+        setpoint = self.guard.step(self._clock(), self.data.qpos[self._q_address[self._arms]])
+        onboard = 1.0 - setpoint.weight
+        self._q_wanted[self._arms] = setpoint.weight * setpoint.q + onboard * self._home[self._arms]
+        self._tau[self._arms] = setpoint.weight * setpoint.tau
 
     def _torque(self) -> Array:
         """Torque asked of each motor [N m]; the motor's limit is applied by the physics."""
@@ -134,3 +181,9 @@ class SimRobot:
         T[:3, :3] = rotation.reshape(3, 3)
         T[:3, 3] = self.data.mocap_pos[mocap]
         return T
+
+
+def _ranges(joints: list) -> tuple[Array, Array]:
+    """Position limits of some joints, lower and upper [rad]; infinite where a joint has none."""
+    lower, upper = np.array([joint.range if joint.limited[0] else (-np.inf, np.inf) for joint in joints]).T
+    return lower, upper

@@ -4,16 +4,17 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+from ik_client.robot_end.guard import RAMP
 from sim_client.paths import DEFAULT_PATH
 from sim_client.robot import CONTROL_PERIOD
 
-MAX_STEP = 0.04
-"""Largest step of a joint per tick [rad]: 2 rad/s, as OpenWBT's 0.01 rad per 5 ms step amounts to in its simulation."""
+MAX_VELOCITY = 3.0
+"""Largest velocity of a joint's command [rad/s]."""
 
 SOLVE_TIMEOUT = 0.010
 """How long a tick waits for the service [s]."""
 
-SCRIPT_DURATION = 12.0
+SCRIPT_DURATION = 14.0
 """How long a scripted path runs without a window, unless told otherwise [s]."""
 
 
@@ -36,8 +37,11 @@ class Settings:
             window is closed.
         feed_forward: Add the gravity torque the service computes.
         smooth: Filter the answers as OpenWBT does.
-        max_step: Largest step of a joint per tick [rad].
+        max_velocity: Largest velocity of a joint's command [rad/s].
+        max_step: Largest step of a joint's command per tick, OpenWBT's clip, in place of bounds of velocity,
+            acceleration and jerk [rad]; None for these.
         timeout: How long a tick waits for the service [s].
+        ramp: How long the robot's end takes to hand its arms over, and to take them back [s].
         report: JSON file for the report.
         video: File for a film.
         still: File for a strip of stills.
@@ -53,8 +57,10 @@ class Settings:
     duration: float | None = None
     feed_forward: bool = False
     smooth: bool = False
-    max_step: float = MAX_STEP
+    max_velocity: float = MAX_VELOCITY
+    max_step: float | None = None
     timeout: float = SOLVE_TIMEOUT
+    ramp: float = RAMP
     report: Path | None = None
     video: Path | None = None
     still: Path | None = None
@@ -71,7 +77,13 @@ class Settings:
                 f"--timeout {self.timeout:g}: must be positive and less than a tick of {CONTROL_PERIOD:g} s, "
                 "so that a dead service never stops the physics"
             )
-        for name, value in (("--max-step", self.max_step), ("--duration", self.duration)):
+        bounds = {
+            "--max-velocity": self.max_velocity,
+            "--max-step": self.max_step,
+            "--ramp": self.ramp,
+            "--duration": self.duration,
+        }
+        for name, value in bounds.items():
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise SettingsError(f"{name} {value:g}: must be a positive number")
         if self.drag and self.headless:

@@ -14,6 +14,8 @@ from ik_proto import (
     JSON,
     MSGPACK,
     BatchReply,
+    ClearanceReply,
+    ClearanceRequest,
     Document,
     FkReply,
     FkRequest,
@@ -77,6 +79,7 @@ EXAMPLES: dict[str, Document] = {
         )
     ),
     "fk_request": request_document(FkRequest(Q, id=8)),
+    "clearance_request": request_document(ClearanceRequest(np.stack([Q, -Q]), id=15, waist=WAIST)),
     "bent_fk_request": request_document(FkRequest(Q, id=13, waist=WAIST)),
     "info_request": request_document(InfoRequest(id=9)),
     "stream_request": {
@@ -174,6 +177,17 @@ EXAMPLES: dict[str, Document] = {
             boot_id="c0ffee0123456789",
             left_wrist=LEFT,
             right_wrist=RIGHT,
+        )
+    ),
+    "clearance_reply": reply_document(
+        ClearanceReply(
+            success=True,
+            error="",
+            status=Status.OK,
+            id=15,
+            boot_id="c0ffee0123456789",
+            clearance=np.array([0.015625, -0.0078125]),
+            nearest=("left_hand", "torso"),
         )
     ),
     "info_reply": reply_document(

@@ -153,7 +153,9 @@ def test_schema_and_code_refuse_a_batch_alike(change: dict[str, Any]) -> None:
         parse_request(document, 14)
 
 
-@pytest.mark.parametrize("name", ["solve_request", "solve_batch_request", "fk_request", "info_request"])
+@pytest.mark.parametrize(
+    "name", ["solve_request", "solve_batch_request", "fk_request", "clearance_request", "info_request"]
+)
 def test_schema_and_code_let_what_is_not_required_be_null(name: str) -> None:
     schema = SCHEMA["$defs"][name]
     optional = schema["properties"].keys() - {"verb", "v", "id", *schema["required"]}
@@ -165,7 +167,7 @@ def test_schema_and_code_let_what_is_not_required_be_null(name: str) -> None:
 def test_schema_and_code_know_the_same_fields_and_words() -> None:
     fields = _FIELDS
     defs = SCHEMA["$defs"]
-    for verb in ("solve", "solve_batch", "fk", "info"):
+    for verb in ("solve", "solve_batch", "fk", "clearance", "info"):
         assert defs[f"{verb}_request"]["properties"].keys() == fields[verb]
     assert defs["stream"]["maxLength"] == limits.MAX_STREAM_CHARACTERS
     assert defs["budget_ms"]["maximum"] == limits.MAX_BUDGET_MS
@@ -175,6 +177,7 @@ def test_schema_and_code_know_the_same_fields_and_words() -> None:
     for properties in (defs["solve_batch_request"]["properties"], defs["batch_reply"]["properties"]):
         lengths = [value["maxItems"] for value in properties.values() if value.get("type") == "array"]
         assert set(lengths) == {limits.MAX_BATCH}
+    assert defs["clearance_request"]["properties"]["q"]["maxItems"] == limits.MAX_POSTURES
     assert defs["batch_reply"]["properties"]["status"]["enum"] == [status.value for status in ik_proto.ANSWERS]
 
 
@@ -192,6 +195,7 @@ PARSERS: dict[str, Callable[[dict[str, Any]], Any]] = {
     "solve_reply": lambda document: parse_solve_reply(document, 14),
     "batch_reply": lambda document: ik_proto.parse_batch_reply(document, 2, 14),
     "fk_reply": ik_proto.parse_fk_reply,
+    "clearance_reply": lambda document: ik_proto.parse_clearance_reply(document, 2),
     "info_reply": ik_proto.parse_info_reply,
 }
 
@@ -200,8 +204,8 @@ PARSERS: dict[str, Callable[[dict[str, Any]], Any]] = {
 def test_a_reply_without_a_required_key_fits_neither_schema_nor_code(name: str) -> None:
     document = read(name)
     PARSERS[name](document)
-    absent_is_null = {"id", "clearance"} if name == "batch_reply" else {"id"}
-    if name in ("fk_reply", "info_reply"):
+    absent_is_null = {"id", "clearance"} if name in ("batch_reply", "clearance_reply") else {"id"}
+    if name in ("fk_reply", "clearance_reply", "info_reply"):
         absent_is_null.add("sol_q")
     for key in SCHEMA["$defs"][name]["required"]:
         less = {k: v for k, v in document.items() if k != key}
@@ -228,6 +232,7 @@ def test_readme_quotes_the_limits() -> None:
         limits.MAX_ABS_POSITION,
         limits.MAX_ABS_JOINT,
         limits.MAX_BATCH,
+        limits.MAX_POSTURES,
         limits.MAX_STARTS,
         limits.DEFAULT_STARTS,
         limits.MIN_ELBOW_LENGTH,
@@ -241,7 +246,8 @@ def test_readme_lists_every_field() -> None:
     text = (PROTO / "README.md").read_text()
     rows = re.findall(r"^\| (`[^|]+) \|", text, re.MULTILINE)
     listed = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
-    for kind in ("solve_request", "solve_batch_request", "fk_request", "solve_reply", "fk_reply", "info_reply"):
+    requests = ("solve_request", "solve_batch_request", "fk_request", "clearance_request")
+    for kind in (*requests, "solve_reply", "fk_reply", "clearance_reply", "info_reply"):
         assert SCHEMA["$defs"][kind]["properties"].keys() <= listed, kind
     batch = text[text.index("**The answer to a batch**") :].split("\n\n")[0]
     own = SCHEMA["$defs"]["batch_reply"]["properties"].keys() - SCHEMA["$defs"]["refusal"]["properties"].keys()

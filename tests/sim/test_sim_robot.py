@@ -6,15 +6,18 @@ import mujoco
 import numpy as np
 import pytest
 from sim_fakes import TOY_MODEL
+from sim_operator import HOME, Operator
 
-from ik_client import Command, IKClient
+from ik_client import IKClient
 from ik_proto.robots import RobotDescription, RobotError, load_description
 from sim_client.arms import ArmKinematics
 from sim_client.robot import CONTROL_PERIOD, STEPS_PER_TICK, SimRobot
 
 
-def command(q: list[float], tau: list[float] | None = None) -> Command:
-    return Command(np.array(q), np.zeros(len(q)) if tau is None else np.array(tau), 0.0)
+def put_home(robot: SimRobot) -> None:
+    """Move every joint home, at rest."""
+    robot.data.qpos[robot._q_address] = robot._home
+    robot.data.qvel[:] = 0.0
 
 
 def joint_torque(robot: SimRobot, name: str) -> float:
@@ -53,8 +56,11 @@ def test_at_rest_the_springs_carry_gravity(g1: RobotDescription) -> None:
 
 
 def test_torque_is_that_of_the_description(toy: RobotDescription) -> None:
-    robot = SimRobot(toy)
-    robot.send(command([0.35, 0.02, 0.01, -0.29], tau=[0.5, 0.1, -0.2, 0.3]))
+    operator = Operator(toy)
+    robot = operator.robot
+    operator.engage()
+    operator.go(50, [0.35, 0.02, 0.01, -0.29], tau=[0.5, 0.1, -0.2, 0.3])
+    put_home(robot)
     before = {name: robot.data.joint(name).qpos[0] for name in (*toy.arm_joints, "leg")}
     robot.data.joint("right_b").qvel[0] = 0.4
     robot.data.ctrl[:] = robot._torque()
@@ -67,8 +73,11 @@ def test_torque_is_that_of_the_description(toy: RobotDescription) -> None:
 
 
 def test_motors_are_cut_at_the_limits_of_the_file(toy: RobotDescription) -> None:
-    robot = SimRobot(toy)
-    robot.send(command([2.0, 1.0, -2.0, -1.0]))
+    operator = Operator(toy)
+    robot = operator.robot
+    operator.engage()
+    operator.go(100, [2.0, 1.0, -2.0, -1.0])
+    put_home(robot)
     robot.data.ctrl[:] = robot._torque()
     mujoco.mj_forward(robot.model, robot.data)
     assert joint_torque(robot, "left_a") == pytest.approx(7.0)  # its actuator's forcerange
@@ -95,15 +104,11 @@ def test_order_is_by_name(toy: RobotDescription) -> None:
 
 
 def test_a_command_moves_its_own_joint(toy: RobotDescription) -> None:
-    robot = SimRobot(toy)
-    resting = SimRobot(toy)
-    home = [0.4, 0.0, 0.0, -0.3]
-    for _ in range(100):
-        robot.send(command([0.4, 0.5, 0.0, -0.3]))
-        resting.send(command(home))
-        robot.advance()
-        resting.advance()
-    moved = robot.read().q - resting.read().q
+    moving, resting = Operator(toy), Operator(toy)
+    for operator, q in ((moving, [0.4, 0.5, 0.0, -0.3]), (resting, HOME)):
+        operator.engage()
+        operator.go(150, q)
+    moved = moving.robot.read().q - resting.robot.read().q
     assert moved[1] == pytest.approx(0.5, abs=0.02)
     assert np.abs(np.delete(moved, 1)).max() < 0.02
 
@@ -146,12 +151,13 @@ def test_targets_are_met_though_the_waist_gives_way(g1: RobotDescription, servic
 
 
 def test_a_measurement_does_not_change_afterwards(toy: RobotDescription) -> None:
-    robot = SimRobot(toy)
-    before = robot.read().q
-    kept = before.copy()
-    robot.send(command([0.0, 0.5, 0.5, 0.5]))
-    robot.advance()
-    np.testing.assert_array_equal(before, kept)
+    operator = Operator(toy)
+    operator.engage()
+    before = operator.robot.read()
+    kept = before.q.copy(), before.q_set.copy() if before.q_set is not None else None
+    operator.go(5, [0.0, 0.5, 0.5, 0.5])
+    np.testing.assert_array_equal(before.q, kept[0])
+    np.testing.assert_array_equal(before.q_set, kept[1])
 
 
 def test_the_base_is_held_in_space(toy: RobotDescription) -> None:
@@ -164,12 +170,19 @@ def test_the_base_is_held_in_space(toy: RobotDescription) -> None:
 
 
 def test_ticks_without_a_command_are_counted(toy: RobotDescription) -> None:
-    robot = SimRobot(toy)
+    operator = Operator(toy)
     for i in range(10):
         if i % 2:
-            robot.send(command([0.4, 0.0, 0.0, -0.3]))
-        robot.advance()
-    assert (robot.ticks, robot.ticks_without_command) == (10, 5)
+            operator.send(HOME)
+        operator.advance()
+    assert (operator.robot.ticks, operator.robot.ticks_without_command) == (10, 5)
+
+
+def test_a_command_that_is_dropped_is_none(toy: RobotDescription) -> None:
+    operator = Operator(toy)
+    operator.send(np.full(4, np.nan))
+    operator.advance()
+    assert operator.robot.ticks_without_command == 1
 
 
 def test_targets_come_back_as_they_were_shown(g1: RobotDescription, g1_arms: ArmKinematics) -> None:

@@ -1,0 +1,171 @@
+"""`ik-sim --listen`: the robot alone, without a service and without a loop; commands come over the link.
+
+It stands for the process that runs beside the motors of a real robot. Whatever happens to the programs that command it,
+its arms hold; when it is asked to end itself, by SIGTERM or Ctrl-C, it gives them back first.
+"""
+
+import json
+import signal
+import ssl
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+
+from ik_client.access import Access, read_token
+from ik_client.robot_end import LinkServer
+from ik_client.robot_end.guard import RAMP
+from ik_proto.robot_link import Welcome
+from ik_proto.robots import load_description
+from sim_client.listen_address import ListenAddress
+from sim_client.robot import CONTROL_PERIOD, SimRobot
+from sim_client.robot_runner import RobotRunner
+from sim_client.settings import SettingsError
+from sim_client.window import display_fault
+
+_TICKS_PER_FRAME = 2
+
+
+@dataclass(frozen=True)
+class RobotSettings:
+    """What to run.
+
+    Attributes:
+        listen: HOST:PORT; port 0 lets the system choose.
+        robot: Name or path of the robot's description.
+        headless: Open no window.
+        duration: Simulated time to run [s]; None until it is asked to end.
+        report: JSON file for the report.
+        token_file: File with the token a loop must show; None takes the environment variable `IK_TOKEN`, if it is set.
+        tls_cert: PEM file with the robot's certificate, for TLS.
+        tls_key: PEM file with its private key.
+        tls_client_ca: PEM file with the authorities that a loop's certificate must come from.
+        insecure: Let other machines in without asking who they are.
+    """
+
+    listen: str
+    robot: str = "g1"
+    headless: bool = False
+    duration: float | None = None
+    report: Path | None = None
+    token_file: Path | None = None
+    tls_cert: Path | None = None
+    tls_key: Path | None = None
+    tls_client_ca: Path | None = None
+    insecure: bool = False
+
+    def __post_init__(self) -> None:
+        """Check what contradicts itself.
+
+        Raises:
+            SettingsError: One line that says what.
+        """
+        if self.duration is not None and not 0.0 < self.duration < float("inf"):
+            raise SettingsError(f"--duration {self.duration:g}: must be a positive number")
+        if (self.tls_cert is None) != (self.tls_key is None):
+            raise SettingsError("--tls-cert and --tls-key belong together: give both")
+        if self.tls_client_ca is not None and self.tls_cert is None:
+            raise SettingsError("--tls-client-ca needs TLS: give --tls-cert and --tls-key too")
+
+
+def run_robot(settings: RobotSettings, console: Console, messages: Console) -> None:
+    """Run the robot until it is asked to end, then give its arms back.
+
+    Args:
+        settings: What to run.
+        console: Where to say that it is ready: in words if it is a terminal, else as one line of JSON.
+        messages: Where to say everything else.
+
+    Raises:
+        SettingsError: The options cannot be used.
+        RobotError: The robot's description or model cannot be used.
+        OSError: Nothing can listen there.
+    """
+
+    def say(line: str) -> None:
+        messages.print(line, markup=False, highlight=False, soft_wrap=True)
+
+    address = ListenAddress.parse(settings.listen)
+    token = read_token(settings.token_file) if settings.token_file else Access.of(None, None, None, None, None).token
+    if not (address.loopback or token or settings.tls_client_ca or settings.insecure):
+        raise SettingsError(
+            f"--listen {address} lets other machines in, and nothing would ask who they are: give --token-file FILE, "
+            "--tls-client-ca FILE, or --insecure to do without; a loopback address like 127.0.0.1 needs none"
+        )
+    description = load_description(settings.robot)
+    robot = SimRobot(description)
+    welcome = Welcome(description.name, description.arm_joints, CONTROL_PERIOD)
+    link = LinkServer(welcome, token=token, ssl=_tls(settings))
+    stop = _StopSignals()
+    try:
+        port = link.start(address.host, address.port)
+    except OSError as error:
+        raise OSError(f"cannot listen on {address}: {error.strerror or error}") from None
+    try:
+        bound = ListenAddress(address.host, port)
+        if console.is_terminal:
+            say(f"{description.name} takes commands on {bound}; Ctrl-C gives the arms back and ends it")
+        else:
+            console.out(json.dumps({"robot": description.name, "listen": str(bound)}), highlight=False)
+        runner = RobotRunner(robot, link, say)
+        is_open, shown = _window(settings, robot, say)
+        runner.run(lambda: not stop.asked and is_open(), settings.duration, shown)
+        if not robot.released:
+            say("giving the arms back")
+        released = runner.release(RAMP)
+        say("the weight is 0: the arms are given back" if released else f"the weight is still {robot.guard.weight:.2f}")
+    finally:
+        link.close()
+    if settings.report:
+        runner.record.report(robot, link.tally).write(settings.report)
+        say(f"wrote {settings.report}")
+
+
+class _StopSignals:
+    """Notes that the process is asked to end; the control tick that runs is finished first."""
+
+    def __init__(self) -> None:
+        self.asked = False
+        signal.signal(signal.SIGTERM, self._ask)
+        signal.signal(signal.SIGINT, self._ask)
+
+    def _ask(self, _signal: int, _frame: object) -> None:
+        self.asked = True
+
+
+def _tls(settings: RobotSettings) -> ssl.SSLContext | None:
+    if settings.tls_cert is None or settings.tls_key is None:
+        return None
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    try:
+        context.load_cert_chain(settings.tls_cert, settings.tls_key, password="")
+        if settings.tls_client_ca is not None:
+            context.load_verify_locations(settings.tls_client_ca)
+            context.verify_mode = ssl.CERT_REQUIRED
+    except (OSError, ValueError) as error:  # SSLError is an OSError
+        reason = getattr(error, "reason", None) or getattr(error, "strerror", None) or str(error)
+        raise SettingsError(f"--tls-cert, --tls-key, --tls-client-ca: cannot be used ({reason})") from None
+    return context
+
+
+def _window(
+    settings: RobotSettings, robot: SimRobot, say: Callable[[str], None]
+) -> tuple[Callable[[], bool], Callable[[], None]]:
+    """Whether the window is open, and what shows a tick in it; for ever, and nothing, without one."""
+    fault = "" if settings.headless else display_fault()
+    if settings.headless or fault:
+        if fault:
+            say(f"{fault}; running headless")
+        return (lambda: True), (lambda: None)
+    import mujoco.viewer
+
+    viewer = mujoco.viewer.launch_passive(robot.model, robot.data, show_left_ui=False, show_right_ui=False)
+
+    def show() -> None:
+        if robot.ticks % _TICKS_PER_FRAME == 0:
+            robot.show_targets(*robot.wrists())  # There are no targets here: let them hide the wrists' own marks.
+            viewer.sync()
+
+    return viewer.is_running, show
