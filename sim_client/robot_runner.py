@@ -117,6 +117,7 @@ class RobotRunner:
                 time=state.time,
                 waist=state.waist,
                 q_set=state.q_set,
+                tau_set=state.tau_set,
                 ready=state.ready,
                 following=state.following,
                 note=state.note,

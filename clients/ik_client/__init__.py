@@ -23,7 +23,7 @@ from ik_client.limiter import StepLimiter
 from ik_client.state_machine import ArmState, StateMachine
 from ik_client.teleop import TeleopLoop
 from ik_client.tick_report import LoopState, Seed, TickReport
-from ik_client.types import Command, Hands, HandSource, Limiter, RobotPort, RobotState, Solver
+from ik_client.types import Command, Hands, HandSource, Kinematics, Limiter, RobotPort, RobotState, Solver
 from ik_proto.smoothing import WeightedMovingFilter
 
 __all__ = [
@@ -43,6 +43,7 @@ __all__ = [
     "Hands",
     "IKClient",
     "IKError",
+    "Kinematics",
     "Limiter",
     "LoopState",
     "PoseGate",

@@ -9,6 +9,7 @@
 """
 
 import itertools
+import secrets
 import time
 from collections.abc import Callable
 from types import TracebackType
@@ -130,7 +131,7 @@ class IKClient:
         access = Access.of(token, ca, cert, key, zenoh_config)
         self._transport: Transport | None = open_transport(parse_address(url), clock, access)
         self._token = access.token
-        self._ids = itertools.count(1)
+        self._ids = itertools.count(1 + secrets.randbelow(2**32))  # a recorded reply fits no other client
         self._widths: tuple[int, int] | None = None
         self._boot_id = ""
         if connect:

@@ -1,8 +1,8 @@
 """How fast a goal moves, from where it has been lately.
 
 Trackers sample more slowly than a loop ticks, so goals come in steps: the speed is taken over a window, not from tick
-to tick. A goal that turned back, leapt, or has no past counts as standing still. One that is faster than a joint may be is
-taken as just as fast.
+to tick. A goal that turned back, leapt, or has no past counts as standing still. One that is faster than a joint may
+be is taken as just as fast.
 """
 
 from collections import deque

@@ -40,7 +40,7 @@ from ik_client.robot_watch import RobotWatch
 from ik_client.service_watch import ServiceWatch
 from ik_client.state_machine import ArmState
 from ik_client.tick_report import LoopState, Seed, TickReport
-from ik_client.types import Command, Hands, HandSource, Limiter, RobotPort, RobotState, Solver
+from ik_client.types import Command, Hands, HandSource, Kinematics, Limiter, RobotPort, RobotState
 from ik_proto import Array, Collision, FkReply, Reply, SolveReply
 from ik_proto.smoothing import WeightedMovingFilter
 
@@ -54,7 +54,6 @@ HELD_STILL = 0.1
 
 _NO_HANDS = Hands(None, None)
 _UNDER_WAY = frozenset({ArmState.ACTIVE, ArmState.HOLD})
-_ENGAGED = _UNDER_WAY | {ArmState.ALIGNING}
 
 
 class _Hold(Exception):
@@ -91,7 +90,7 @@ class TeleopLoop:
 
     def __init__(
         self,
-        ik: Solver,
+        ik: Kinematics,
         source: HandSource,
         port: RobotPort,
         limiter: Limiter,
@@ -292,7 +291,7 @@ class TeleopLoop:
             if not reply.success:
                 raise _Hold(f"{reply.status}: {reply.error}")
             q = _usable(reply.sol_q, n, "the answer")
-            tau = _usable(reply.tau, n, "the answer's torque") if self._feed_forward else last.tau
+            tau = _usable(reply.tau, n, "the answer's torque") if self._feed_forward else np.zeros(n)
         except _Hold as hold:
             self._service.failed(str(hold), tick.time)
             raise
@@ -393,7 +392,7 @@ class TeleopLoop:
             session=self.session,
             seq=self._last.seq + 1 if self._last else 1,
             boot_id=self._service.boot_id,
-            engaged=any(arm.state in _ENGAGED for arm in self._arms),
+            engaged=self._under_way,
             release=release,
         )
         self._last = command
@@ -406,7 +405,9 @@ def _first_command(measured: RobotState, now: float) -> Command:
     q = np.array(measured.q if measured.q_set is None else measured.q_set, dtype=np.float64)
     if q.ndim != 1 or not np.isfinite(q).all():
         raise ValueError("the robot's first measurement is not a finite joint vector, so there is nothing to hold")
-    return Command(_frozen(q), _frozen(np.zeros(len(q))), now)
+    held = measured.tau_set
+    tau = np.array(held, dtype=np.float64) if held is not None and _is_finite(held, len(q)) else np.zeros(len(q))
+    return Command(_frozen(q), _frozen(tau), now)
 
 
 def _silence(error: Exception) -> bool:
@@ -416,9 +417,13 @@ def _silence(error: Exception) -> bool:
 
 def _usable(vector: Array | None, n: int, what: str) -> Array:
     """The vector itself where it has n finite entries; a reason to hold where not."""
-    if vector is None or np.shape(vector) != (n,) or not np.isfinite(vector).all():
+    if vector is None or not _is_finite(vector, n):
         raise _Hold(f"{what} must be {n} finite numbers and are not")
     return vector
+
+
+def _is_finite(vector: Array, n: int) -> bool:
+    return np.shape(vector) == (n,) and bool(np.isfinite(vector).all())
 
 
 def _reason_of(steps: tuple[ArmStep, ArmStep]) -> str:

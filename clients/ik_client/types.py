@@ -43,6 +43,7 @@ class RobotState:
             waist stays straight.
         q_set: Where the robot's end holds its joints, shape (n,) [rad]; None where it does not say. It differs from the
             command while that end does not follow.
+        tau_set: The feed-forward torque it holds them with, shape (n,) [N m]; None where it does not say.
         ready: Whether the robot's end would follow.
         following: Whether it does.
         note: Why it is not ready, or does not follow; one line, empty where all is well.
@@ -53,6 +54,7 @@ class RobotState:
     time: float
     waist: Array | None = None
     q_set: Array | None = None
+    tau_set: Array | None = None
     ready: bool = True
     following: bool = True
     note: str = ""
@@ -111,7 +113,7 @@ class HandSource(Protocol):
 
 
 class Solver(Protocol):
-    """What the loop needs of an `IKClient`."""
+    """What the load generator needs of an `IKClient`."""
 
     def solve(
         self,
@@ -129,6 +131,10 @@ class Solver(Protocol):
     ) -> SolveReply:
         """Find joint positions for two wrist targets; see `IKClient.solve`."""
         ...
+
+
+class Kinematics(Solver, Protocol):
+    """What the loop needs of an `IKClient`."""
 
     def fk(self, q: Array, waist: Array | None = None) -> FkReply:
         """Say where the wrists are; see `IKClient.fk`."""

@@ -78,6 +78,7 @@ class LinkState:
     time: float
     waist: Array | None
     q_set: Array | None
+    tau_set: Array | None
     ready: bool
     following: bool
     note: str
@@ -176,6 +177,7 @@ def read_state(document: Document, n: int) -> LinkState:
         time=read_number(document, "time"),
         waist=None if waist is None else read_array(document, "waist", (_length(waist),), _MAX_ABS),
         q_set=None if document.get("q_set") is None else read_array(document, "q_set", (n,), _MAX_ABS),
+        tau_set=None if document.get("tau_set") is None else read_array(document, "tau_set", (n,), _MAX_ABS),
         ready=_flag(document, "ready"),
         following=_flag(document, "following"),
         note=read_text(document, "note"),

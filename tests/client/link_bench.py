@@ -28,7 +28,17 @@ def wait_for(condition: Callable[[], object], limit: float = LIMIT) -> None:
 
 def state(weight: float = 0.0, note: str = "", q: float = 0.0) -> LinkState:
     return LinkState(
-        np.full(N, q), np.zeros(N), 5.0, None, np.full(N, q), weight == 1.0, False, note, weight, "released"
+        np.full(N, q),
+        np.zeros(N),
+        5.0,
+        None,
+        np.full(N, q),
+        np.zeros(N),
+        weight == 1.0,
+        False,
+        note,
+        weight,
+        "released",
     )
 
 

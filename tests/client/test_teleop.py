@@ -493,7 +493,7 @@ def test_a_fault_that_lasts_disarms_and_only_a_new_grip_goes_on(name):
     bench.ticks(5)
     bench.service.says = lambda q: said
     if silent:
-        bench.service.knows = lambda q: said
+        bench.service.knows = lambda q: ServiceTimeout(URL, 0.01)
     seen = [report.arms[0].state for report in bench.ticks(60)]
     assert list(dict.fromkeys(seen)) == [ArmState.ACTIVE, ArmState.HOLD, ArmState.DISARMED]
     assert seen.index(ArmState.HOLD) * TICK <= 0.2
@@ -514,7 +514,7 @@ def test_a_service_that_was_silent_for_a_moment_is_followed_again_under_the_same
     """Hazard: lost connection."""
     bench = Bench()
     bench.engage()
-    said = FAULTS["timeout"][0]
+    said = ServiceTimeout(URL, 0.01)
     bench.service.says = bench.service.knows = lambda q: said
     reports = bench.ticks(15)
     assert reports[-1].arms[0].state is ArmState.HOLD

@@ -32,7 +32,7 @@ PAGE = (Path(__file__).resolve().parents[2] / "proto" / "robot_link.md").read_te
 N = 3
 COMMAND = LinkCommand(np.array([0.1, 0.2, 1 / 3]), np.zeros(N), 12.5, "run", 7, "boot", True, False)
 STATE = LinkState(
-    np.array([0.1, 0.2, 1 / 3]), np.ones(N), 12.5, np.zeros(3), None, True, False, "a note", 0.25, "taking"
+    np.array([0.1, 0.2, 1 / 3]), np.ones(N), 12.5, np.zeros(3), None, None, True, False, "a note", 0.25, "taking"
 )
 
 

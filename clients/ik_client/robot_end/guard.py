@@ -123,6 +123,8 @@ class RobotGuard:
         self._heard = -np.inf
         self._armed = False
         """Whether a command of this session has said, since following was last possible, that nobody is engaged."""
+        self._followed = ""
+        """The session that was followed last."""
         self._boot_id = ""
         self._retired = False
 
@@ -212,6 +214,7 @@ class RobotGuard:
             time,
             waist=waist,
             q_set=None if self._state is EndState.RELEASED else self._limiter.q,
+            tau_set=None if self._state is EndState.RELEASED else self._torque.value,
             ready=not busy and (self._state is EndState.READY or self._state in _FOLLOWS),
             following=not busy and self._state is EndState.FOLLOWING,
             note=BUSY if busy else self._note,
@@ -271,6 +274,8 @@ class RobotGuard:
         if self._state is EndState.TAKING:
             self._limiter.start(self._q_measured)
             self._torque.reset()
+        elif self._state is EndState.FOLLOWING and self._command is not None:
+            self._followed = self._command.session
         elif self._state is EndState.RELEASED:
             self._lease.free()
 
@@ -279,9 +284,10 @@ class RobotGuard:
         command, q_last = self._command, self._limiter.q
         if command is None or self._state is not EndState.FOLLOWING:
             q = self._limiter.step(np.full(self._n, np.nan), dt)
-            # A source that goes along, without being followed, knows the gravity torque of where the arms are held.
+            # A source that was followed, and goes along now, knows the gravity torque of where the arms are held. One
+            # that has just begun may not: the arms would sag by its mere presence.
             knows = command is not None and 0.0 <= now - self._heard <= HOLD_AFTER and _agree(command.q, q)
-            if command is None or not knows or self._state is EndState.RELEASING:
+            if command is None or not knows or command.session != self._followed or self._state is EndState.RELEASING:
                 return q, self._torque.value
             return q, self._torque.step(command.tau, 1.0, dt)
         q = self._limiter.step(command.q, dt)

@@ -138,6 +138,7 @@ class RobotLink:
             arrived,
             waist=state.waist,
             q_set=state.q_set,
+            tau_set=state.tau_set,
             ready=state.ready,
             following=state.following,
             note=state.note,

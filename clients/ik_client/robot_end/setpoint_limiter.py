@@ -1,7 +1,8 @@
 """The last limiter: what goes to the motors keeps its bounds, whatever was commanded.
 
 - A joint's command that keeps velocity, acceleration and jerk relative to the last set-points, and from which the joint
-  can stop within its position limits, is taken exactly as it is.
+  can stop within its position limits, is taken exactly as it is; after a command that was not, once the joint meets it
+  at its own speed. Else a joint that catches up would be taken at a command it only passes, and would swing about it.
 - Anything else is approached by `JointLimiter`: a command that is ahead, that jumps, or that is no number at all, with
   which the joint brakes and holds.
 - Velocity and acceleration, as differences of the set-points, are within their bounds for every sequence of inputs, and
@@ -20,6 +21,10 @@ from ik_proto import Array
 
 RANGE_INSET = 0.001
 """How far within its position limits a joint is kept [rad]: less than a loop keeps, so that its commands pass."""
+
+_IN_STEP = 0.02
+"""How far the velocities of a joint and of its command may differ where they meet, as a fraction of what full
+acceleration makes of them in a tick."""
 
 _TOLERANCE = 1e-6
 """Relative excess over a bound that still counts as keeping it: commands have passed through differences and text."""
@@ -74,6 +79,7 @@ class SetpointLimiter:
             q: Where, shape (n,) [rad], finite.
         """
         self._q = np.array(q, dtype=np.float64)
+        self._wanted = self._q.copy()
         # Means over the last interval, by which commands are judged...
         self._mean_velocity = np.zeros(len(self._q))
         self._mean_acceleration = np.zeros(len(self._q))
@@ -104,6 +110,7 @@ class SetpointLimiter:
         self._velocity = np.where(exact, velocity, self._planner.velocity)
         self._acceleration = np.where(exact, acceleration, self._planner.acceleration)
         self._q, self._mean_velocity, self._mean_acceleration, self._dt = q, v, a, dt
+        self._wanted = np.where(np.isfinite(q_wanted), q_wanted, q)
         return q.copy()
 
     def _means(self, q: Array, dt: float) -> tuple[Array, Array]:
@@ -117,6 +124,8 @@ class SetpointLimiter:
         more = 1.0 + _TOLERANCE
         within = (np.abs(v) <= self._v_max * more) & (np.abs(a) <= self._a_max * more)
         within &= np.abs(a - self._mean_acceleration) <= self._j_max * more * dt
+        command_velocity = (q - self._wanted) / dt
+        within &= (self._q == self._wanted) | (np.abs(v - command_velocity) <= _IN_STEP * self._a_max * dt)
         velocity, acceleration = self._at_the_end(v, a, dt)
         low, high = self._stops(q, velocity, acceleration)
         rises, sinks = (v > 0.0) | (velocity > 0.0), (v < 0.0) | (velocity < 0.0)
