@@ -23,6 +23,9 @@ from ik_proto import Collision, InfoReply, Mode
 LATENESS_LIMIT = 0.1
 """Share of the period that the generator's own p99 lateness may take before its numbers are in doubt."""
 
+_PREPARE_SECONDS = 5.0
+"""How long a call may take while nothing is measured yet [s]."""
+
 _CLOSED_FRAME_RATE = 50.0
 """Frame rate of a path in a closed loop without a rate [Hz]."""
 _START_DELAY = 0.05
@@ -126,7 +129,7 @@ def run_load(options: LoadOptions, progress: Progress) -> LoadResult:
         KeyboardInterrupt: Ctrl-C before anything was sent.
     """
     access = options.access.arguments()
-    with IKClient(options.url, timeout=max(options.timeout, 1.0), **access) as ik:
+    with IKClient(options.url, timeout=max(options.timeout, _PREPARE_SECONDS), **access) as ik:
         info = ik.info()
         workload = _prepare(options, ik, progress)
     with contextlib.ExitStack() as stack:
