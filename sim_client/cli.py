@@ -13,8 +13,11 @@ from sim_client.extras import missing_extra
 
 EXIT_OK, EXIT_USAGE = 0, 2
 
-_ROBOT_ONLY = {"listen", "token_file", "tls_cert", "tls_key", "tls_client_ca", "insecure"}
+_ROBOT_ONLY = {"listen", "tls_cert", "tls_key", "tls_client_ca", "insecure"}
 """Options of the robot alone."""
+
+_ACCESS = ("token_file", "ca", "cert", "key", "zenoh_config")
+"""Options by which a service lets us in."""
 
 _EPILOG = """\
 examples:
@@ -80,13 +83,15 @@ def _simulate(options: dict) -> object:
 
     if "listen" in options:
         return _robot_only(options)
+    from ik_client.access_options import AccessFiles
     from sim_client.session import run_session
     from sim_client.settings import Settings, SettingsError
 
     strays = _ROBOT_ONLY & options.keys()
     if strays:
         raise SettingsError(f"{_flag(min(strays))} goes with --listen only")
-    return run_session(Settings(**options), Console())
+    access = AccessFiles(**{name: str(options.pop(name)) for name in _ACCESS if name in options})
+    return run_session(Settings(access=access, **options), Console())
 
 
 def _robot_only(options: dict) -> None:
@@ -96,7 +101,7 @@ def _robot_only(options: dict) -> None:
     from sim_client.settings import SettingsError
 
     options.pop("url")
-    strays = options.keys() - _ROBOT_ONLY - {"robot", "headless", "duration", "report"}
+    strays = options.keys() - _ROBOT_ONLY - {"token_file", "robot", "headless", "duration", "report"}
     if strays:
         raise SettingsError(f"{_flag(min(strays))} is of no use with --listen: the robot alone does what it is told")
     console = Console()
@@ -164,11 +169,19 @@ def _parser() -> argparse.ArgumentParser:
         type=float,
         help="simulated time to run (the motion's length; 14 s for a path without a window; else until it is closed)",
     )
+    access = parser.add_argument_group("to be let in by a service that asks (docs/access.md)")
+    access.add_argument(
+        "--token-file",
+        metavar="FILE",
+        type=Path,
+        help="file with the token; with --listen, the one that loops must show ($IK_TOKEN)",
+    )
+    access.add_argument("--ca", metavar="FILE", help="PEM authority of a tls:// service (the system's)")
+    access.add_argument("--cert", metavar="FILE", help="PEM certificate of this client, for tls:// (none)")
+    access.add_argument("--key", metavar="FILE", help="its PEM private key (none)")
+    access.add_argument("--zenoh-config", metavar="FILE", help="Zenoh configuration in JSON5, for zenoh:// (none)")
     robot = parser.add_argument_group("the robot alone: no service, no targets; a loop elsewhere commands it")
     robot.add_argument("--listen", metavar="HOST:PORT", help="take commands there; port 0 lets the system choose")
-    robot.add_argument(
-        "--token-file", metavar="FILE", type=Path, help="loops must show the token in it, or in $IK_TOKEN"
-    )
     robot.add_argument("--tls-cert", metavar="FILE", type=Path, help="certificate of the robot (PEM), for TLS")
     robot.add_argument("--tls-key", metavar="FILE", type=Path, help="its private key (PEM)")
     robot.add_argument(

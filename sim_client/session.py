@@ -109,14 +109,15 @@ def run_session(settings: Settings, console: Console, extra: Sequence[Observer] 
 
 def _connect(settings: Settings, description: RobotDescription) -> IKClient:
     """A client with the loop's short timeout, of a service that serves this very robot."""
-    with IKClient(settings.url, timeout=_INFO_TIMEOUT) as asking:
+    access = settings.access.arguments()
+    with IKClient(settings.url, timeout=_INFO_TIMEOUT, **access) as asking:
         info = asking.info()
     if tuple(info.joint_names) != description.arm_joints:
         raise SettingsError(
             f"{settings.url} serves robot {info.robot!r} with other arm joints than {description.name!r}; "
             "start both with the same --robot"
         )
-    return IKClient(settings.url, timeout=settings.timeout)
+    return IKClient(settings.url, timeout=settings.timeout, **access)
 
 
 def _open_window(settings: Settings, robot: SimRobot, say: Callable[[str], None]) -> Window | None:

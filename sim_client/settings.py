@@ -1,9 +1,10 @@
 """What a run of the simulator is made of: the options of the commands, checked."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from ik_client.access_options import AccessFiles
 from ik_client.robot_end.guard import RAMP
 from sim_client.paths import DEFAULT_PATH
 from sim_client.robot import CONTROL_PERIOD
@@ -42,6 +43,7 @@ class Settings:
             acceleration and jerk [rad]; None for these.
         timeout: How long a tick waits for the service [s].
         ramp: How long the robot's end takes to hand its arms over, and to take them back [s].
+        access: What a service that asks is shown.
         report: JSON file for the report.
         video: File for a film.
         still: File for a strip of stills.
@@ -61,6 +63,7 @@ class Settings:
     max_step: float | None = None
     timeout: float = SOLVE_TIMEOUT
     ramp: float = RAMP
+    access: AccessFiles = field(default_factory=AccessFiles)
     report: Path | None = None
     video: Path | None = None
     still: Path | None = None

@@ -89,9 +89,9 @@ class Diary:
         if self._path.exists():
             with self._path.open("rb") as file:
                 file.seek(self._read)
-                lines = file.read().splitlines()
-                self._read = file.tell()
-            self.entries += [json.loads(line) for line in lines]
+                whole, newline, _ = file.read().rpartition(b"\n")  # a line may be seen before all of it is there
+            self._read += len(whole) + len(newline)
+            self.entries += [json.loads(line) for line in whole.splitlines()]
 
 
 def grips(diary: Sequence[Mapping[str, Any]]) -> list[float]:

@@ -33,14 +33,14 @@ import numpy as np
 from ik_client.arm_joints import SIDES, aligned, joints_of, torque_on_the_way
 from ik_client.clear_way import ClearWay
 from ik_client.engagement import ArmEngagement, ArmStep
-from ik_client.errors import ServiceTimeout, ServiceUnavailable
 from ik_client.joint_limiter import JointLimiter
 from ik_client.resting_wrists import RestingWrists
 from ik_client.robot_watch import RobotWatch
 from ik_client.service_watch import ServiceWatch
 from ik_client.state_machine import ArmState
-from ik_client.tick_report import LoopState, Seed, TickReport
-from ik_client.types import Command, Hands, HandSource, Kinematics, Limiter, RobotPort, RobotState
+from ik_client.tick import NO_HANDS, Hold, Tick, is_finite, is_silence, one_line, usable
+from ik_client.tick_report import Seed, TickReport
+from ik_client.types import Command, HandSource, Kinematics, Limiter, RobotPort, RobotState
 from ik_proto import Array, Collision, FkReply, Reply, SolveReply
 from ik_proto.smoothing import WeightedMovingFilter
 
@@ -52,33 +52,7 @@ ALIGNMENT = 0.1
 HELD_STILL = 0.1
 """How far an answer may move a joint of an arm that holds [rad]; beyond, the answer is not for this robot."""
 
-_NO_HANDS = Hands(None, None)
 _UNDER_WAY = frozenset({ArmState.ACTIVE, ArmState.HOLD})
-
-
-class _Hold(Exception):
-    """Why this tick cannot follow."""
-
-
-class _Tick:
-    """What is learnt during a tick; becomes its report."""
-
-    def __init__(self, now: float) -> None:
-        self.time = now
-        self.measured: RobotState | None = None
-        self.hands = _NO_HANDS
-        self.reply: SolveReply | None = None
-        self.round_trip: float | None = None
-        self.seed: Seed | None = None
-        self.reason = ""
-        self.fault: Exception | None = None
-
-    def note(self, error: Exception) -> str:
-        """Keep the first thing that went wrong; give it in one line."""
-        text = str(error) if isinstance(error, _Hold) else _one_line(error)
-        if not self.reason:
-            self.reason, self.fault = text, None if isinstance(error, _Hold) else error
-        return text
 
 
 class TeleopLoop:
@@ -185,7 +159,7 @@ class TeleopLoop:
         Raises:
             Exception: The robot could not be read in the very first tick, or could not be sent a command in this one.
         """
-        tick = _Tick(self._clock())
+        tick = Tick(self._clock())
         if self._last is None:
             tick.measured = self._port.read()
             self._last = _first_command(tick.measured, tick.time)
@@ -202,38 +176,27 @@ class TeleopLoop:
             tracking, q_wanted = False, q_wanted if not tracking else np.full(len(last.q), np.nan)
             q = self._limiter.limit(last.q, q_wanted, self._since(last, tick))
         command = self._send(q, torque_on_the_way(last.q, q, q_wanted, last.tau, tau), tick.time)
-        return TickReport(
-            time=tick.time,
-            state=LoopState.TRACKING if tracking else LoopState.HOLDING,
-            reason="" if tracking else tick.reason or _reason_of(steps),
-            command=command,
-            arms=steps,
-            measured=tick.measured,
-            reply=tick.reply,
-            round_trip=tick.round_trip,
-            seed=tick.seed,
-            fault=tick.fault,
-        )
+        return tick.report(steps, command, tracking, _reason_of(steps))
 
-    def _read(self, tick: _Tick, n: int) -> str:
+    def _read(self, tick: Tick, n: int) -> str:
         """Read the robot, unless that was done; give what is wrong."""
         try:
             measured = tick.measured or self._port.read()
-            _usable(measured.q, n, "the measured joints")
-            _usable(measured.dq, n, "the measured velocities")
+            usable(measured.q, n, "the measured joints")
+            usable(measured.dq, n, "the measured velocities")
             tick.measured = measured
         except Exception as error:  # whatever a driver raises, the robot must be told to hold in this very tick
             tick.measured = None
             return tick.note(error)
         return ""
 
-    def _look_at_hands(self, tick: _Tick) -> None:
+    def _look_at_hands(self, tick: Tick) -> None:
         try:
-            tick.hands = self._source.hands(tick.time) or _NO_HANDS
+            tick.hands = self._source.hands(tick.time) or NO_HANDS
         except Exception as error:  # a tracker's fault is a hand that is lost
             tick.note(error)
 
-    def _judge(self, tick: _Tick, last: Command) -> tuple[ArmStep, ArmStep]:
+    def _judge(self, tick: Tick, last: Command) -> tuple[ArmStep, ArmStep]:
         """Take both arms a tick further."""
         trouble = self._robot.trouble() or self._service.trouble(tick.time)
         revoked = self._robot.revoked(tick.time) or self._service.revoked()
@@ -254,7 +217,7 @@ class TeleopLoop:
 
         return step(0, tick.hands.left), step(1, tick.hands.right)
 
-    def _goal(self, tick: _Tick, steps: tuple[ArmStep, ArmStep], last: Command) -> tuple[Array | None, Array]:
+    def _goal(self, tick: Tick, steps: tuple[ArmStep, ArmStep], last: Command) -> tuple[Array | None, Array]:
         """Joints to go to, NaN for those that shall rest, or None where none can; and the torque there [N m]."""
         follows = [step.target is not None for step in steps]
         if not any(follows):
@@ -268,7 +231,7 @@ class TeleopLoop:
             tick.note(error)
             return None, last.tau
 
-    def _look_for_service(self, tick: _Tick, last: Command) -> None:
+    def _look_for_service(self, tick: Tick, last: Command) -> None:
         """Find out whether a service in trouble is back, while no arm asks it anything."""
         if self._service.trouble(tick.time):
             try:
@@ -276,11 +239,11 @@ class TeleopLoop:
             except Exception as error:
                 tick.note(error)
 
-    def _follow(self, tick: _Tick, steps: tuple[ArmStep, ArmStep], last: Command) -> tuple[Array, Array]:
+    def _follow(self, tick: Tick, steps: tuple[ArmStep, ArmStep], last: Command) -> tuple[Array, Array]:
         """The goal where an arm has a target; raises where the tick cannot follow."""
         n, measured = len(last.q), tick.measured
         if measured is None:
-            raise _Hold("the robot cannot be read")
+            raise Hold("the robot cannot be read")
         rest = self._resting_point(last)
         targets = [step.target for step in steps]
         if any(target is None for target in targets):
@@ -289,10 +252,10 @@ class TeleopLoop:
         reply = tick.reply = self._solve(tick, targets, measured, last)
         try:
             if not reply.success:
-                raise _Hold(f"{reply.status}: {reply.error}")
-            q = _usable(reply.sol_q, n, "the answer")
-            tau = _usable(reply.tau, n, "the answer's torque") if self._feed_forward else np.zeros(n)
-        except _Hold as hold:
+                raise Hold(f"{reply.status}: {reply.error}")
+            q = usable(reply.sol_q, n, "the answer")
+            tau = usable(reply.tau, n, "the answer's torque") if self._feed_forward else np.zeros(n)
+        except Hold as hold:
             self._service.failed(str(hold), tick.time)
             raise
         self._service.succeeded()
@@ -304,10 +267,10 @@ class TeleopLoop:
             if step.target is not None:
                 goal[arm], torque[arm] = q[arm], tau[arm]
             elif np.max(np.abs(q[arm] - rest[arm])) > HELD_STILL:
-                raise _Hold(f"the {SIDES[side]} arm, which holds, is in the way")
+                raise Hold(f"the {SIDES[side]} arm, which holds, is in the way")
         return goal, torque
 
-    def _solve(self, tick: _Tick, targets: list, measured: RobotState, last: Command) -> SolveReply:
+    def _solve(self, tick: Tick, targets: list, measured: RobotState, last: Command) -> SolveReply:
         agrees = bool(np.all(np.abs(last.q - measured.q) <= self._agreement))
         tick.seed = Seed.COMMAND if agrees else Seed.MEASURED
         begin = self._clock()
@@ -338,7 +301,7 @@ class TeleopLoop:
         try:
             reply = ask()
         except Exception as error:
-            self._service.failed(_one_line(error), self._clock(), silent=_silence(error))
+            self._service.failed(one_line(error), self._clock(), silent=is_silence(error))
             raise
         self._same_run(reply.boot_id)
         return reply
@@ -351,17 +314,17 @@ class TeleopLoop:
     def _same_run(self, boot_id: str) -> None:
         """Refuse an answer of another run of the service than the one an arm has followed so far."""
         if not self._service.answered(boot_id, engaged=self._under_way):
-            raise _Hold("another run of the service answers now")
+            raise Hold("another run of the service answers now")
 
     def _resting_point(self, last: Command) -> Array:
         rest = self._limiter.resting_point
         return rest if rest.shape == last.q.shape and np.isfinite(rest).all() else last.q
 
-    def _since(self, last: Command, tick: _Tick) -> float:
+    def _since(self, last: Command, tick: Tick) -> float:
         """Time since the last command, as the robot counts it [s]."""
         return self._period or tick.time - last.time
 
-    def _move(self, tick: _Tick, last: Command, q_wanted: Array) -> Array | None:
+    def _move(self, tick: Tick, last: Command, q_wanted: Array) -> Array | None:
         """The step towards a goal; None where it cannot be told whether it is clear of the body."""
         if self._way is None:
             return self._limiter.limit(last.q, q_wanted, self._since(last, tick))
@@ -377,7 +340,7 @@ class TeleopLoop:
         reply = self._heard(lambda: self._ik.clearance(q, waist))
         return np.full(len(q), np.inf) if reply.clearance is None else reply.clearance
 
-    def _rest(self, tick: _Tick, last: Command) -> Array:
+    def _rest(self, tick: Tick, last: Command) -> Array:
         """The goal of a tick that follows nothing: rest, or towards where the robot's end holds its joints."""
         measured = tick.measured
         if measured is None or measured.q_set is None or measured.following or last.engaged:
@@ -406,34 +369,13 @@ def _first_command(measured: RobotState, now: float) -> Command:
     if q.ndim != 1 or not np.isfinite(q).all():
         raise ValueError("the robot's first measurement is not a finite joint vector, so there is nothing to hold")
     held = measured.tau_set
-    tau = np.array(held, dtype=np.float64) if held is not None and _is_finite(held, len(q)) else np.zeros(len(q))
+    tau = np.array(held, dtype=np.float64) if held is not None and is_finite(held, len(q)) else np.zeros(len(q))
     return Command(_frozen(q), _frozen(tau), now)
-
-
-def _silence(error: Exception) -> bool:
-    """Whether an error says that nothing was heard of the service."""
-    return isinstance(error, ServiceUnavailable | ServiceTimeout)
-
-
-def _usable(vector: Array | None, n: int, what: str) -> Array:
-    """The vector itself where it has n finite entries; a reason to hold where not."""
-    if vector is None or not _is_finite(vector, n):
-        raise _Hold(f"{what} must be {n} finite numbers and are not")
-    return vector
-
-
-def _is_finite(vector: Array, n: int) -> bool:
-    return np.shape(vector) == (n,) and bool(np.isfinite(vector).all())
 
 
 def _reason_of(steps: tuple[ArmStep, ArmStep]) -> str:
     left, right = (step.reason for step in steps)
     return left if left == right else "; ".join(f"{s}: {r}" for s, r in zip(SIDES, (left, right), strict=True) if r)
-
-
-def _one_line(error: Exception) -> str:
-    text = " ".join(str(error).split())
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def _frozen(vector: Array) -> Array:

@@ -1,13 +1,14 @@
 """The judge of the chaos runs finds what it is there to find: made-up records with one thing wrong each."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.faults.audit import Audit, audit
 from benchmarks.faults.plan import Fault, Kind, Victim, plan
-from benchmarks.faults.trace import Done, RobotTrace
+from benchmarks.faults.trace import Diary, Done, RobotTrace
 
 DT = 0.02
 KILLED, GRIPS = 3.0, [1.0, 6.0]
@@ -101,3 +102,17 @@ def test_the_plan_has_everything_and_is_the_same_every_time() -> None:
     for half in (faults[:6], faults[6:]):
         assert {(fault.victim, fault.kind) for fault in half} == {(v, k) for v in Victim for k in Kind}
     assert all((fault.lasts > 0.0) == (fault.kind is Kind.STOP) for fault in faults)
+
+
+def test_a_line_that_is_still_being_written_is_read_when_it_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "diary.jsonl"
+    diary = Diary(path)
+    diary.update()
+    path.write_bytes(b'{"t": 1.0}\n{"t": ')
+    diary.update()
+    assert diary.entries == [{"t": 1.0}]
+    with path.open("ab") as file:
+        file.write(b"2.0}\n")
+    diary.update()
+    diary.update()
+    assert diary.entries == [{"t": 1.0}, {"t": 2.0}]

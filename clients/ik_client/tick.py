@@ -1,0 +1,99 @@
+"""What the teleop loop learns during a tick, and the reasons for which it cannot follow."""
+
+import numpy as np
+
+from ik_client.engagement import ArmStep
+from ik_client.errors import ServiceTimeout, ServiceUnavailable
+from ik_client.tick_report import LoopState, Seed, TickReport
+from ik_client.types import Command, Hands, RobotState
+from ik_proto import Array, SolveReply
+
+NO_HANDS = Hands(None, None)
+
+
+class Hold(Exception):
+    """Why a tick cannot follow, in one line."""
+
+
+class Tick:
+    """A tick under way; becomes its report.
+
+    Attributes:
+        time: When it began [s].
+        measured: What the robot measured; None where it could not be read.
+        hands: What the tracker saw.
+        reply: The service's answer.
+        round_trip: How long the solve call took [s].
+        seed: Where the solve started.
+        reason: The first thing that went wrong, in one line; empty where nothing did.
+        fault: The exception it was, if it was one.
+    """
+
+    def __init__(self, now: float) -> None:
+        """Begin to learn."""
+        self.time = now
+        self.measured: RobotState | None = None
+        self.hands = NO_HANDS
+        self.reply: SolveReply | None = None
+        self.round_trip: float | None = None
+        self.seed: Seed | None = None
+        self.reason = ""
+        self.fault: Exception | None = None
+
+    def note(self, error: Exception) -> str:
+        """Keep the first thing that went wrong; give it in one line."""
+        text = one_line(error)
+        if not self.reason:
+            self.reason, self.fault = text, None if isinstance(error, Hold) else error
+        return text
+
+    def report(self, arms: tuple[ArmStep, ArmStep], command: Command, tracking: bool, why_held: str) -> TickReport:
+        """What the tick did.
+
+        Args:
+            arms: What became of both hands.
+            command: What was sent.
+            tracking: Whether an arm followed.
+            why_held: Why not, where nothing went wrong in this tick.
+        """
+        return TickReport(
+            time=self.time,
+            state=LoopState.TRACKING if tracking else LoopState.HOLDING,
+            reason="" if tracking else self.reason or why_held,
+            command=command,
+            arms=arms,
+            measured=self.measured,
+            reply=self.reply,
+            round_trip=self.round_trip,
+            seed=self.seed,
+            fault=self.fault,
+        )
+
+
+def usable(vector: Array | None, n: int, what: str) -> Array:
+    """The vector itself where it has n finite entries.
+
+    Raises:
+        Hold: It has not.
+    """
+    if vector is None or not is_finite(vector, n):
+        raise Hold(f"{what} must be {n} finite numbers and are not")
+    return vector
+
+
+def is_finite(vector: Array, n: int) -> bool:
+    """Whether something is a vector of n finite numbers."""
+    return np.shape(vector) == (n,) and bool(np.isfinite(vector).all())
+
+
+def is_silence(error: Exception) -> bool:
+    """Whether an error says that nothing was heard of the service."""
+    return isinstance(error, ServiceUnavailable | ServiceTimeout)
+
+
+def one_line(error: Exception) -> str:
+    """An error as a reason; that of the loop's own in its own words."""
+    text = " ".join(str(error).split())
+    if isinstance(error, Hold):
+        return text
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
