@@ -234,6 +234,23 @@ def test_while_held_the_torque_of_a_source_elsewhere_is_not_taken(bench):
     np.testing.assert_array_equal(bench.setpoints[-1].tau, here + 1.0)
 
 
+def test_a_loop_that_begins_does_not_make_the_arms_sag(bench):
+    """Hazard row "service crash", of the operator's program: its successor knows no torque yet, and is not followed."""
+    bench.follow()
+    tau = np.array([3.0, -2.0, 1.0])
+    bench.go(20, tau=tau)
+    np.testing.assert_array_equal(bench.setpoints[-1].tau, tau)
+    bench.tick(60)
+    held = bench.setpoints[-1]
+    state = bench.guard.report(bench.q, np.zeros(N), 0.0, None)
+    np.testing.assert_array_equal(state.tau_set, tau)  # where it may begin
+    bench.go(20, session="b", tau=np.zeros(N))
+    np.testing.assert_array_equal(bench.setpoints[-1].tau, held.tau)
+    bench.go(1, session="b", tau=np.zeros(N), engaged=True)
+    bench.go(20, session="b", tau=np.zeros(N), engaged=True)
+    np.testing.assert_array_equal(bench.setpoints[-1].tau, np.zeros(N))  # once followed, it is its torque that counts
+
+
 def test_measured_joints_of_another_robot_are_a_mistake(bench):
     with pytest.raises(ValueError, match="3 measured joints are needed"):
         bench.guard.step(bench.now, np.zeros(N + 1))

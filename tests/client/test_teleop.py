@@ -372,8 +372,10 @@ def test_it_begins_where_the_robots_end_holds_the_joints():
     """Hazard: first frame / re-clutch. A sagging arm is not pulled down to where it hangs."""
     q_set = np.linspace(-1, 1, N)
     bench = Bench(q_set - 0.05)
-    bench.robot.says = {"q_set": q_set, "following": False}
-    np.testing.assert_array_equal(bench.tick().command.q, q_set)
+    bench.robot.says = {"q_set": q_set, "tau_set": np.full(N, 2.0), "following": False}
+    command = bench.tick().command
+    np.testing.assert_array_equal(command.q, q_set)
+    np.testing.assert_array_equal(command.tau, np.full(N, 2.0))
 
 
 def test_unless_engaged_it_goes_along_with_the_robots_end():

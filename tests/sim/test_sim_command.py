@@ -212,6 +212,11 @@ def test_no_service(capsys: pytest.CaptureFixture[str]) -> None:
     assert "ik-service serve" in line
 
 
+def test_a_token_file_that_cannot_be_used(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    line = complaint(capsys, "tcp://127.0.0.1:1", "--headless", "--token-file", str(tmp_path / "none"))
+    assert str(tmp_path / "none") in line
+
+
 def test_wrong_address(capsys: pytest.CaptureFixture[str]) -> None:
     assert "tcp://HOST:PORT" in complaint(capsys, "http://127.0.0.1:1", "--headless")
 
