@@ -43,7 +43,7 @@ from rich.table import Table
 from benchmarks.environment import environment
 from benchmarks.workloads import tracking
 from ik_proto import JSON, MSGPACK, FkRequest, SolveRequest, Status, request_document
-from ik_service.addresses import HostPort
+from ik_proto.host_port import HostPort
 from ik_service.config import Config
 from ik_service.engine import Engine
 from ik_service.tcp_server import TcpServer

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
+from ik_proto.host_port import AddressError, HostPort
 from ik_proto.robots import RobotError
-from ik_service.addresses import AddressError, AddressInUse, HostPort
+from ik_service.addresses import AddressInUse
 from ik_service.config import CHOICES, DEFAULT_HTTP, DEFAULT_PRESET, Config, ConfigError, load_config
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_ADDRESS_IN_USE = 0, 1, 2, 3

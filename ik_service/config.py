@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from ik_proto import COLLISIONS, Collision
+from ik_proto.host_port import AddressError, HostPort
 from ik_proto.limits import DEFAULT_TCP, DEFAULT_ZENOH
-from ik_service.addresses import AddressError, HostPort, locator_host
+from ik_service.addresses import locator_host
 
 DEFAULT_HTTP = "127.0.0.1:12380"
 """Where health checks and metrics are served unless told otherwise [host:port]."""

@@ -21,8 +21,8 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from ik_proto import JSON
+from ik_proto.host_port import HostPort
 from ik_service.access import Doorkeeper
-from ik_service.addresses import HostPort
 from ik_service.config import OFF, Config, ConfigError
 from ik_service.conversation import Conversation
 from ik_service.dispatcher import Dispatcher

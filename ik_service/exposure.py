@@ -7,7 +7,8 @@ demands; or `--insecure` says that nothing shall. A loopback address needs none 
 import json
 from typing import TYPE_CHECKING
 
-from ik_service.addresses import AddressError, HostPort, locator_host
+from ik_proto.host_port import AddressError, HostPort
+from ik_service.addresses import locator_host
 from ik_service.config import OFF, Config, ConfigError
 
 if TYPE_CHECKING:

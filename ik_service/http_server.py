@@ -13,7 +13,8 @@ import hmac
 
 from aiohttp import web
 
-from ik_service.addresses import AddressInUse, HostPort
+from ik_proto.host_port import HostPort
+from ik_service.addresses import AddressInUse
 from ik_service.metrics import Metrics
 from ik_service.prometheus import MetricsPage
 

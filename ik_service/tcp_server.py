@@ -33,7 +33,8 @@ from collections import Counter, deque
 from collections.abc import Callable
 
 from ik_proto import Status
-from ik_service.addresses import AddressInUse, HostPort
+from ik_proto.host_port import HostPort
+from ik_service.addresses import AddressInUse
 from ik_service.logs import log, values
 from ik_service.tcp_connection import Answerer, Connection
 from ik_service.tcp_limits import TcpLimits

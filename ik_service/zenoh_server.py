@@ -21,7 +21,8 @@ from pathlib import Path
 import zenoh
 
 from ik_proto import MAX_FRAME_BYTES
-from ik_service.addresses import AddressInUse, HostPort, locator_host
+from ik_proto.host_port import HostPort
+from ik_service.addresses import AddressInUse, locator_host
 from ik_service.config import ConfigError
 from ik_service.dispatcher import Dispatcher
 from ik_service.query_pump import QueryPump, brief

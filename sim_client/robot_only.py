@@ -16,9 +16,9 @@ from rich.console import Console
 from ik_client.access import Access, read_token
 from ik_client.robot_end import LinkServer
 from ik_client.robot_end.guard import RAMP
+from ik_proto.host_port import HostPort
 from ik_proto.robot_link import Welcome
 from ik_proto.robots import load_description
-from sim_client.listen_address import ListenAddress
 from sim_client.robot import CONTROL_PERIOD, SimRobot
 from sim_client.robot_runner import RobotRunner
 from sim_client.settings import SettingsError
@@ -86,7 +86,7 @@ def run_robot(settings: RobotSettings, console: Console, messages: Console) -> N
     def say(line: str) -> None:
         messages.print(line, markup=False, highlight=False, soft_wrap=True)
 
-    address = ListenAddress.parse(settings.listen)
+    address = HostPort.parse(settings.listen)
     token = read_token(settings.token_file) if settings.token_file else Access.of(None, None, None, None, None).token
     if not (address.loopback or token or settings.tls_client_ca or settings.insecure):
         raise SettingsError(
@@ -103,7 +103,7 @@ def run_robot(settings: RobotSettings, console: Console, messages: Console) -> N
     except OSError as error:
         raise OSError(f"cannot listen on {address}: {error.strerror or error}") from None
     try:
-        bound = ListenAddress(address.host, port)
+        bound = HostPort(address.host, port)
         if console.is_terminal:
             say(f"{description.name} takes commands on {bound}; Ctrl-C gives the arms back and ends it")
         else:

@@ -27,12 +27,11 @@ The events of a tick, the first that applies counts:
 `TABLE` says where each event leads; an empty cell stays.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from types import MappingProxyType
 
 from ik_client.hold_to_run import Grip
+from ik_client.transition_table import read_table
 
 TABLE = """\
 | from     | fault | clear    | revoked  | timeout  | released | lost     | pressed  | aligned | held   |
@@ -69,20 +68,7 @@ class Event(StrEnum):
     HELD = "held"
 
 
-def _parse(table: str) -> Mapping[ArmState, Mapping[Event, ArmState]]:
-    head, _, *rows = ([cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines())
-    events = [Event(name) for name in head[1:]]
-    return MappingProxyType(
-        {
-            ArmState(row[0]): MappingProxyType(
-                {event: ArmState(to or row[0]) for event, to in zip(events, row[1:], strict=True)}
-            )
-            for row in rows
-        }
-    )
-
-
-TRANSITIONS = _parse(TABLE)
+TRANSITIONS = read_table(TABLE, ArmState, Event)
 """`TABLE` as a mapping: state and event to the next state. Complete."""
 
 

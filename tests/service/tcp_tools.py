@@ -12,7 +12,7 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 from ik_proto import Status, encode_frame
-from ik_service.addresses import HostPort
+from ik_proto.host_port import HostPort
 from ik_service.tcp_server import Answerer, TcpLimits, TcpServer
 
 LIMIT_S = 10.0

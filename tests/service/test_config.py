@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from ik_service.addresses import AddressError, HostPort, locator_host
+from ik_proto.host_port import AddressError, HostPort
+from ik_service.addresses import locator_host
 from ik_service.config import Config, ConfigError, load_config
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from ik_service.addresses import AddressError
+from ik_proto.host_port import AddressError
 from ik_service.config import Config, ConfigError
 from ik_service.exposure import check_tcp_and_http, check_zenoh
 from ik_service.zenoh_server import zenoh_config

@@ -26,9 +26,9 @@ What happens to it, the first that applies counts:
 `TABLE` says where each event leads; an empty cell stays. A source that dies never leads to released: the arms hold.
 """
 
-from collections.abc import Mapping
 from enum import StrEnum
-from types import MappingProxyType
+
+from ik_client.transition_table import read_table
 
 TABLE = """\
 | from      | release   | disengaged | restarted | engaged   | fresh     | agrees | gone  | silent  | ramped   |
@@ -67,18 +67,5 @@ class EndEvent(StrEnum):
     RAMPED = "ramped"
 
 
-def _parse(table: str) -> Mapping[EndState, Mapping[EndEvent, EndState]]:
-    head, _, *rows = ([cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines())
-    events = [EndEvent(name) for name in head[1:]]
-    return MappingProxyType(
-        {
-            EndState(row[0]): MappingProxyType(
-                {event: EndState(to or row[0]) for event, to in zip(events, row[1:], strict=True)}
-            )
-            for row in rows
-        }
-    )
-
-
-TRANSITIONS = _parse(TABLE)
+TRANSITIONS = read_table(TABLE, EndState, EndEvent)
 """`TABLE` as a mapping: state and event to the next state. Complete."""

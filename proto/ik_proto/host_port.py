@@ -1,13 +1,15 @@
-"""Where to listen: how it is written, and who can reach it."""
+"""TCP addresses: how they are written, and who can reach them."""
 
 import ipaddress
 from dataclasses import dataclass
 
-from sim_client.settings import SettingsError
+
+class AddressError(ValueError):
+    """An address that cannot be understood: one line that quotes it."""
 
 
 @dataclass(frozen=True, slots=True)
-class ListenAddress:
+class HostPort:
     """A TCP address.
 
     Attributes:
@@ -19,17 +21,18 @@ class ListenAddress:
     port: int
 
     @classmethod
-    def parse(cls, text: str) -> "ListenAddress":
+    def parse(cls, text: str) -> "HostPort":
         """Read "HOST:PORT"; an IPv6 host is in brackets.
 
         Raises:
-            SettingsError: Anything else.
+            AddressError: Anything else.
         """
-        host, _, port = text.rpartition(":")
+        host, colon, port = text.rpartition(":")
         bracketed = host.startswith("[") and host.endswith("]")
-        sound = host and port.isascii() and port.isdigit() and int(port) <= 65535 and (bracketed or ":" not in host)
-        if not sound:
-            raise SettingsError(f"--listen {text}: must be an address like 127.0.0.1:12346, or [::1]:12346")
+        if not colon or not host or not port.isascii() or not port.isdigit() or int(port) > 65535:
+            raise AddressError(f"{text!r} is not an address like 127.0.0.1:12345")
+        if ":" in host and not bracketed:
+            raise AddressError(f"{text!r}: an IPv6 host goes in brackets, like [::1]:12345")
         return cls(host[1:-1] if bracketed else host, int(port))
 
     def __str__(self) -> str:
