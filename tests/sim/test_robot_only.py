@@ -169,7 +169,7 @@ def test_what_is_no_robot_alone_gets_one_line(capsys: pytest.CaptureFixture[str]
         ("--listen", "0.0.0.0:0", "--token-file", str(readable)): "chmod 600",
         ("--listen", "127.0.0.1:0", "--robot", "nobody"): "nobody",
         ("--insecure",): "--insecure goes with --listen only",
-        ("--token-file", "x"): "--token-file goes with --listen only",
+        ("--token-file", "none-such"): "none-such",
     }
     handlers = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
     try:
