@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 _FAR = 1e3
 """A goal further away than this is as far [rad]: numbers without bound would leave the arithmetic."""
 
+_NEARER_AT_LEAST = 0.01
+"""How fast a joint may come nearer to a moving goal, however near it is [rad/s]."""
+
 _MEETABLE = 0.95
 """Fraction of the velocity limit up to which a moving goal is met: catching up needs some to spare."""
 
@@ -282,14 +285,28 @@ class JointLimiter:
         plan.current_velocity = (self._velocity - drift).tolist()
         plan.current_acceleration = self._acceleration.tolist()
         plan.target_position = goal.tolist()
-        limit = self._haste * self._velocity_limit
-        plan.max_velocity = (limit - drift).tolist()
-        plan.min_velocity = (-limit - drift).tolist()
+        fastest, slowest = self._catching_up(goal - self._q, drift)
+        plan.max_velocity = fastest.tolist()
+        plan.min_velocity = slowest.tolist()
         plan.per_dof_control_interface = [self._to_rest if brake else self._to_position for brake in brakes.tolist()]
         try:
             return self._planner.calculate(plan, self._spare) >= 0
         except self._error:
             return False
+
+    def _catching_up(self, gap: Array, drift: Array) -> tuple[Array, Array]:
+        """Bounds of the velocity in the frame that moves with the goal, shape (n,) each [rad/s].
+
+        A goal that stops brakes as hard as the joint can. So a joint that is behind comes nearer only as fast as leaves
+        something of the gap at the end of such a stop, else it would be carried past the goal and swing back.
+        """
+        limit = self._haste * self._velocity_limit
+        stop = np.abs(drift) / self._acceleration_limit + self._acceleration_limit / self._jerk_limit
+        nearer = np.abs(gap) / stop + _NEARER_AT_LEAST
+        moving = drift != 0.0
+        fastest = np.where(moving & (gap > 0.0), np.minimum(limit - drift, nearer), limit - drift)
+        slowest = np.where(moving & (gap < 0.0), np.maximum(-limit - drift, -nearer), -limit - drift)
+        return fastest, slowest
 
     def _at(self, plan: "ruckig.Trajectory", time: float, drift: Array) -> tuple[Array, Array, Array]:
         """Positions, velocities and accelerations of a plan, out of its moving frame."""

@@ -182,13 +182,13 @@ def test_it_takes_the_time_that_is_optimal():
 
 @pytest.mark.parametrize("frequency", [0.2, 0.5, 1.0])
 def test_a_goal_that_moves_is_followed_without_lag(frequency):
-    """A limiter that only ever aims at rest lags by v / 2a and more: 25 ms at 1 rad/s, which a hand feels."""
+    """Within 6 ms. A limiter that only ever aims at rest lags by v / 2a and more: 25 ms at 1 rad/s, which a hand feels."""
     times = np.arange(0.0, 3.0, PERIOD)
     goals = 0.25 * (1.0 - np.cos(2 * np.pi * frequency * times))
     commands = run(JointLimiter(N, PERIOD), np.zeros(N), [np.full(N, goal) for goal in goals])
     behind = np.abs(np.array(commands[1:])[:, 0] - goals)
     fastest = 0.25 * 2 * np.pi * frequency
-    assert behind.max() <= 0.003 * fastest
+    assert behind.max() <= 0.006 * fastest
     assert_within(commands, [PERIOD] * len(commands))
 
 
@@ -199,6 +199,18 @@ def test_a_goal_seen_more_seldom_than_it_ticks_is_followed_all_the_same():
     commands = run(JointLimiter(N, 0.01), np.zeros(N), [np.full(N, goal) for goal in goals])
     behind = np.array(commands[1:])[:, 0] - 0.5 * (1.0 - np.cos(np.pi * times))
     assert np.sqrt(np.mean(behind**2)) <= 0.015  # at rest only: 0.05
+
+
+@pytest.mark.parametrize("behind", [2, 4, 8])
+def test_a_joint_that_catches_up_does_not_swing_when_the_goal_brakes(behind):
+    """The goals of another limiter, some ticks late at first, that brakes as hard as this one may."""
+    ahead = run(
+        JointLimiter(N, PERIOD), np.zeros(N), [np.full(N, 0.04 * k) for k in range(40)] + [np.full(N, np.nan)] * 30
+    )
+    goals = [*[ahead[0]] * behind, *ahead[behind + 1 :]]
+    commands = run(JointLimiter(N, PERIOD), np.zeros(N), [*goals, *[ahead[-1]] * 30])
+    assert commands.max() <= ahead.max() + 0.005
+    np.testing.assert_allclose(commands[-1], ahead[-1], atol=1e-6)
 
 
 @given(st.floats(-3.0, 3.0), st.floats(0.0, 1.0), st.integers(1, 40))
