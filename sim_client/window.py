@@ -6,6 +6,7 @@ In the window a double click selects a target, Ctrl and the right mouse button m
 import os
 import subprocess
 import sys
+import threading
 
 import mujoco
 import mujoco.viewer
@@ -19,6 +20,7 @@ _TICKS_PER_FRAME = 2
 _TRAIL_TICKS = 60
 _TRIAL = "import glfw, sys; sys.exit(0 if glfw.init() else 1)"
 _TRIAL_LIMIT = 20.0
+_CLOSE_LIMIT = 5.0
 
 
 def display_fault() -> str | None:
@@ -43,7 +45,9 @@ class Window:
         self._robot = robot
         self._base = robot.model.body(robot.description.base).id
         self._recent = Trace(_TRAIL_TICKS)
+        others = set(threading.enumerate())
         self._viewer = mujoco.viewer.launch_passive(robot.model, robot.data, show_left_ui=False, show_right_ui=False)
+        self._threads = set(threading.enumerate()) - others
         with self._viewer.lock():
             self._viewer.cam.lookat[:] = body_pose(robot.data, self._base)[:3, 3] + [0.1, 0.0, 0.15]
             self._viewer.cam.distance, self._viewer.cam.azimuth, self._viewer.cam.elevation = 1.8, 146.0, -14.0
@@ -64,5 +68,7 @@ class Window:
         self._viewer.sync()
 
     def close(self) -> None:
-        """Close it."""
+        """Close it, and wait until its thread has drawn for the last time: at exit its library is taken down."""
         self._viewer.close()
+        for thread in self._threads:
+            thread.join(_CLOSE_LIMIT)
