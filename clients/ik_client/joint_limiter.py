@@ -291,7 +291,7 @@ class JointLimiter:
         plan.per_dof_control_interface = [self._to_rest if brake else self._to_position for brake in brakes.tolist()]
         try:
             return self._planner.calculate(plan, self._spare) >= 0
-        except self._error:
+        except (self._error, ValueError):  # the latter for results that its Python side has no name for
             return False
 
     def _catching_up(self, gap: Array, drift: Array) -> tuple[Array, Array]:

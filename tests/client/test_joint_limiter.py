@@ -227,6 +227,14 @@ def test_a_goal_that_runs_into_the_limit_is_not_followed_beyond(speed, where, ga
     assert_within(commands, [PERIOD] * len(commands))
 
 
+def test_a_result_without_a_name_is_no_plan():
+    """Found by chance: the planner's Python side raises ValueError for a result it does not know, here -101."""
+    limits = MotionLimits(velocity=23.0, acceleration=1.0, jerk=5.0)
+    limiter = JointLimiter(N, 0.002, limits)
+    commands = run(limiter, np.zeros(N), [np.zeros(N)] * 11 + [np.array([0.0, 0.0, 0.5])] * 10)
+    assert_within(commands, [0.002] * len(commands), limits)
+
+
 class NoPlan:
     """A planner that finds nothing."""
 
