@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ik_client.joint_limiter import JointLimiter
+from ik_client.joint_limiter import JointLimiter, Saved
 from ik_proto import Array
 
 KEPT = 0.005
@@ -58,13 +58,12 @@ class ClearWay:
         """
         before = self._limiter.save()
         try:
-            return self._step(q_last, q_wanted, dt, waist)
+            return self._step(before, q_last, q_wanted, dt, waist)
         except Exception:
             self._limiter.restore(before)
             raise
 
-    def _step(self, q_last: Array, q_wanted: Array, dt: float | None, waist: Array | None) -> Array:
-        before = self._limiter.save()
+    def _step(self, before: Saved, q_last: Array, q_wanted: Array, dt: float | None, waist: Array | None) -> Array:
         haste = min(1.0, 2.0 * self._haste)
         q = self._limiter.limit(q_last, q_wanted, dt, haste)
         now, nearest = self._nearest(q_last, [(q, self._limiter.stop_path())], waist)

@@ -147,10 +147,7 @@ class JointLimiter:
     @property
     def resting_point(self) -> Array:
         """Where the joints come to rest if nothing else is wanted, shape (n,) [rad]; NaN before the first command."""
-        still = np.zeros(len(self._q))
-        if not self._planned or not self._compute(self._q, still, np.ones(len(self._q), dtype=bool)):
-            return self._q.copy()
-        return np.array(self._spare.at_time(self._spare.duration)[0])
+        return self.stop_path()[-1]
 
     def stop_path(self, most: int = 12) -> Array:
         """Where the joints are at the following ticks if they brake from here on; the last row is the resting point.
@@ -198,7 +195,7 @@ class JointLimiter:
                 raise ValueError(f"the last command must be {len(self._q)} finite numbers and is not")
             self._restart(q_last)
         self._haste = haste
-        step = self._clamped(dt)
+        step = interval(dt, self.period)
         if not (self._meet(q_wanted, step) or self._go_on(step)):
             self._brake(step)
         return self._q.copy()
@@ -223,12 +220,6 @@ class JointLimiter:
         self._ends_at_rest = True
         self._planned = False
         self._haste = 1.0
-
-    def _clamped(self, dt: float | None) -> float:
-        if dt is None:
-            return self.period
-        # In this order NaN takes the shortest step.
-        return min(dt, 2.0 * self.period) if dt > 0.5 * self.period else 0.5 * self.period
 
     def _meet(self, q_wanted: Array, step: float) -> bool:
         """Take a step towards the wanted joints; False where there is no plan for it."""
@@ -312,6 +303,21 @@ class JointLimiter:
         """Positions, velocities and accelerations of a plan, out of its moving frame."""
         q, velocity, acceleration = plan.at_time(time)
         return np.array(q) + drift * time, np.array(velocity) + drift, np.array(acceleration)
+
+
+def interval(dt: float | None, period: float) -> float:
+    """The time a tick counts for.
+
+    Args:
+        dt: Time since the last tick [s]; None for a period.
+        period: The ordinary time between two ticks [s].
+
+    Returns:
+        The time, within half a period and two; NaN counts as the shortest [s].
+    """
+    if dt is None:
+        return period
+    return min(dt, 2.0 * period) if dt > 0.5 * period else 0.5 * period
 
 
 def _positive(value: float | Array, what: str, n: int) -> Array:

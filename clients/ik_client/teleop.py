@@ -244,9 +244,9 @@ class TeleopLoop:
         n, measured = len(last.q), tick.measured
         if measured is None:
             raise Hold("the robot cannot be read")
-        rest = self._resting_point(last)
-        targets = [step.target for step in steps]
+        targets, rest = [step.target for step in steps], last.q
         if any(target is None for target in targets):
+            rest = self._resting_point(last)
             held = self._wrists.at(rest, measured.waist)
             targets = [held[side] if target is None else target for side, target in enumerate(targets)]
         reply = tick.reply = self._solve(tick, targets, measured, last)

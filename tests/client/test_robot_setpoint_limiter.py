@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ik_client import StepLimiter
-from ik_client.joint_limiter import JointLimiter, MotionLimits
-from ik_client.robot_end.setpoint_limiter import RANGE_INSET, SetpointLimiter, interval
+from ik_client.joint_limiter import JointLimiter, MotionLimits, interval
+from ik_client.robot_end.setpoint_limiter import RANGE_INSET, SetpointLimiter
 
 pytest.importorskip("ruckig")
 

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ik_client.joint_limiter import MotionLimits
+from ik_client.joint_limiter import MotionLimits, interval
 from ik_client.robot_end.held_torque import HeldTorque
 from ik_client.robot_end.lease import Lease, Reception
-from ik_client.robot_end.setpoint_limiter import SetpointLimiter, interval
+from ik_client.robot_end.setpoint_limiter import SetpointLimiter
 from ik_client.robot_end.states import TRANSITIONS, EndEvent, EndState
 from ik_client.robot_end.weight import WeightRamp
 from ik_client.types import Command, RobotState

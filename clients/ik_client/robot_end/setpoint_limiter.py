@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ik_client.braking import stopping_points
-from ik_client.joint_limiter import JointLimiter, MotionLimits
+from ik_client.joint_limiter import JointLimiter, MotionLimits, interval
 from ik_proto import Array
 
 RANGE_INSET = 0.001
@@ -160,18 +160,3 @@ class SetpointLimiter:
         before = velocity + direction * 0.5 * brake * time
         q_before = q - before * time + direction * self._j_max * time**3 / 6.0
         return stopping_points(q_before, before, np.zeros(len(q)), self._a_max, self._j_max)
-
-
-def interval(dt: float | None, period: float) -> float:
-    """The time a tick counts for.
-
-    Args:
-        dt: Time since the last tick [s]; None for a period.
-        period: The ordinary time between two ticks [s].
-
-    Returns:
-        The time, within half a period and two; NaN counts as the shortest [s].
-    """
-    if dt is None:
-        return period
-    return min(dt, 2.0 * period) if dt > 0.5 * period else 0.5 * period
