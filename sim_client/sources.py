@@ -7,11 +7,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 from ik_client import (
-    ABSOLUTE_FALL,
-    AbsoluteClutch,
     ArmEngagement,
     ArmState,
-    Authority,
     GateLimits,
     Hands,
     HandSample,
@@ -136,4 +133,4 @@ class ScriptedOperator:
 def scripted_arm() -> ArmEngagement:
     """How a script's hand engages: at its word, wherever it is and however still or fast."""
     limits = GateLimits(max_speed=_INFINITE, max_turn=_INFINITE, freeze_time=_INFINITE)
-    return ArmEngagement(gate=PoseGate(limits), clutch=AbsoluteClutch(), authority=Authority(fall=ABSOLUTE_FALL))
+    return ArmEngagement.absolute(PoseGate(limits))

@@ -15,11 +15,8 @@ import time
 from pathlib import Path
 
 from ik_client import (
-    ABSOLUTE_FALL,
-    AbsoluteClutch,
     ArmEngagement,
     ArmState,
-    Authority,
     Hands,
     HandSample,
     IKClient,
@@ -96,7 +93,7 @@ class Operator:
 
 def arm() -> ArmEngagement:
     """An arm that goes where the hand is, with the gate of a real tracker."""
-    return ArmEngagement(clutch=AbsoluteClutch(), authority=Authority(fall=ABSOLUTE_FALL))
+    return ArmEngagement.absolute()
 
 
 def run(service_url: str, robot_url: str, diary: Diary) -> None:

@@ -10,7 +10,7 @@ this offset melts away while the authority rises:
 with a from 0 in the tick of engagement to 1 when the authority is full. So the first target is where the wrist is, no
 grip can make an arm jump, and the wrist is faster than the hand only by the offset over the time of the rise.
 
-Give the engagement an `Authority` that falls at once (`ABSOLUTE_FALL`): every engagement then starts from nothing.
+It goes with an `Authority` that falls at once, so that every engagement starts from nothing: `ArmEngagement.absolute`.
 """
 
 import numpy as np

@@ -11,7 +11,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ik_client.absolute_clutch import AbsoluteClutch
+from ik_client.absolute_clutch import ABSOLUTE_FALL, AbsoluteClutch
 from ik_client.authority import Authority
 from ik_client.clutch import Clutch
 from ik_client.gate import PoseGate, Verdict
@@ -74,6 +74,15 @@ class ArmEngagement:
         self._clutch = clutch or Clutch()
         self._verdict = Verdict.MISSING
         self._reason = "not engaged: grip to engage"
+
+    @classmethod
+    def absolute(cls, gate: PoseGate | None = None) -> "ArmEngagement":
+        """For a tracker that is taken at its word: the wrist goes where the hand is; see `AbsoluteClutch`.
+
+        Args:
+            gate: Judges the hand.
+        """
+        return cls(gate=gate, clutch=AbsoluteClutch(), authority=Authority(fall=ABSOLUTE_FALL))
 
     @property
     def state(self) -> ArmState:

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ik_client.absolute_clutch import ABSOLUTE_FALL, AbsoluteClutch
-from ik_client.authority import Authority
 from ik_client.client import IKClient
 from ik_client.clutch import Clutch
 from ik_client.engagement import ArmEngagement
@@ -177,7 +175,7 @@ def _tracker(settings: Settings) -> Tracker:
 def _arm(settings: Settings, info: InfoReply) -> ArmEngagement:
     """How a hand engages: relative to where it gripped, or at its word."""
     if settings.reference == "openwbt":
-        return ArmEngagement(clutch=AbsoluteClutch(), authority=Authority(fall=ABSOLUTE_FALL))
+        return ArmEngagement.absolute()
     scale = settings.scale or 1.0
     if settings.arm_length is not None:
         scale = arm_scale(settings.arm_length, float(np.min(info.reach)))

@@ -13,11 +13,8 @@ import numpy as np
 import pytest
 
 from ik_client import (
-    ABSOLUTE_FALL,
-    AbsoluteClutch,
     ArmEngagement,
     ArmState,
-    Authority,
     BadRequest,
     Command,
     GateLimits,
@@ -151,7 +148,7 @@ class Arm:
 
 def absolute_arm() -> ArmEngagement:
     gate = PoseGate(GateLimits(freeze_time=float("inf")))
-    return ArmEngagement(gate=gate, clutch=AbsoluteClutch(), authority=Authority(fall=ABSOLUTE_FALL))
+    return ArmEngagement.absolute(gate)
 
 
 class Operated:

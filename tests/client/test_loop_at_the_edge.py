@@ -9,11 +9,8 @@ import numpy as np
 import pytest
 
 from ik_client import (
-    ABSOLUTE_FALL,
-    AbsoluteClutch,
     ArmEngagement,
     ArmState,
-    Authority,
     Command,
     GateLimits,
     Hands,
@@ -65,7 +62,7 @@ class Operator:
 
 def absolute() -> ArmEngagement:
     gate = PoseGate(GateLimits(freeze_time=float("inf")))
-    return ArmEngagement(gate=gate, clutch=AbsoluteClutch(), authority=Authority(fall=ABSOLUTE_FALL))
+    return ArmEngagement.absolute(gate)
 
 
 class Run:
