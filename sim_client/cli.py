@@ -13,7 +13,7 @@ from sim_client.extras import missing_extra
 
 EXIT_OK, EXIT_USAGE = 0, 2
 
-_ROBOT_ONLY = {"listen", "tls_cert", "tls_key", "tls_client_ca", "insecure"}
+_ROBOT_ONLY = {"listen", "tls_cert", "tls_key", "tls_client_ca", "insecure", "eyes_to"}
 """Options of the robot alone."""
 
 _ACCESS = ("token_file", "ca", "cert", "key", "zenoh_config")
@@ -188,6 +188,12 @@ def _parser() -> argparse.ArgumentParser:
         "--tls-client-ca", metavar="FILE", type=Path, help="authorities that a loop's certificate must come from (PEM)"
     )
     robot.add_argument("--insecure", action="store_true", help="let other machines in without asking who they are")
+    robot.add_argument(
+        "--eyes-to",
+        metavar="WHERE",
+        help="show what its eyes see, 640x480 each, while somebody watches: shm for programs on this machine, "
+        "zenoh://HOST:PORT where an IK service or a router listens, or off (shm)",
+    )
     output = parser.add_argument_group("what to write, after the run")
     output.add_argument("--report", metavar="FILE.json", type=Path, help="all numbers of the run")
     output.add_argument("--video", metavar="FILE.mp4", type=Path, help="a film, 25 frames a second")

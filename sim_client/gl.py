@@ -33,15 +33,29 @@ def find_backend() -> str:
     Raises:
         NoRendering: None works, or `MUJOCO_GL` turns rendering off.
     """
-    chosen = os.environ.get("MUJOCO_GL", "").strip().lower()
-    if chosen in _OFF:
-        raise NoRendering(f"no pictures: MUJOCO_GL={chosen} turns rendering off")
-    candidates = (chosen,) if chosen else ("egl", "osmesa") if sys.platform == "linux" else ("glfw",)
+    candidates = backends()
     for backend in candidates:
         if _works(backend):
             return backend
+    raise none_works(candidates)
+
+
+def backends() -> tuple[str, ...]:
+    """The backends to try, in this order: what `MUJOCO_GL` names, else those that do without a display.
+
+    Raises:
+        NoRendering: `MUJOCO_GL` turns rendering off.
+    """
+    chosen = os.environ.get("MUJOCO_GL", "").strip().lower()
+    if chosen in _OFF:
+        raise NoRendering(f"no pictures: MUJOCO_GL={chosen} turns rendering off")
+    return (chosen,) if chosen else ("egl", "osmesa") if sys.platform == "linux" else ("glfw",)
+
+
+def none_works(candidates: tuple[str, ...]) -> NoRendering:
+    """What to say where none of them works."""
     tried = " and ".join(candidates)
-    raise NoRendering(f"no pictures: OpenGL ({tried}) does not work here; on Debian or Ubuntu: apt install {PACKAGES}")
+    return NoRendering(f"no pictures: OpenGL ({tried}) does not work here; on Debian or Ubuntu: apt install {PACKAGES}")
 
 
 def open_context(backend: str, width: int, height: int) -> Any:

@@ -4,21 +4,26 @@ It stands for the process that runs beside the motors of a real robot. Whatever 
 its arms hold; when it is asked to end itself, by SIGTERM or Ctrl-C, it gives them back first.
 """
 
+import contextlib
 import json
 import signal
 import ssl
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.console import Console
 
 from ik_client.access import Access, read_token
+from ik_client.eyes.block_file import PREFIX
+from ik_client.eyes.source import check_url
 from ik_client.robot_end import LinkServer
 from ik_client.robot_end.guard import RAMP
 from ik_proto.host_port import HostPort
 from ik_proto.robot_link import Welcome
 from ik_proto.robots import load_description
+from sim_client.eye_supervisor import EyeSupervisor
+from sim_client.render import has_eyes
 from sim_client.robot import CONTROL_PERIOD, SimRobot
 from sim_client.robot_runner import RobotRunner
 from sim_client.settings import SettingsError
@@ -42,6 +47,8 @@ class RobotSettings:
         tls_key: PEM file with its private key.
         tls_client_ca: PEM file with the authorities that a loop's certificate must come from.
         insecure: Let other machines in without asking who they are.
+        eyes_to: Where to show what the robot's eyes see: "shm" for shared memory, named after the port; a URL of
+            `ik_client.eyes`; or "off".
     """
 
     listen: str
@@ -54,6 +61,7 @@ class RobotSettings:
     tls_key: Path | None = None
     tls_client_ca: Path | None = None
     insecure: bool = False
+    eyes_to: str = "shm"
 
     def __post_init__(self) -> None:
         """Check what contradicts itself.
@@ -67,6 +75,11 @@ class RobotSettings:
             raise SettingsError("--tls-cert and --tls-key belong together: give both")
         if self.tls_client_ca is not None and self.tls_cert is None:
             raise SettingsError("--tls-client-ca needs TLS: give --tls-cert and --tls-key too")
+        if self.eyes_to not in ("shm", "off"):
+            try:
+                check_url(self.eyes_to)
+            except ValueError:
+                raise SettingsError(f"--eyes-to {self.eyes_to}: give shm, zenoh://HOST:PORT or off") from None
 
 
 def run_robot(settings: RobotSettings, console: Console, messages: Console) -> None:
@@ -102,24 +115,55 @@ def run_robot(settings: RobotSettings, console: Console, messages: Console) -> N
         port = link.start(address.host, address.port)
     except OSError as error:
         raise OSError(f"cannot listen on {address}: {error.strerror or error}") from None
-    try:
+    with contextlib.ExitStack() as stack:
+        stack.callback(link.close)
+        eyes = _eyes(settings, robot, link, port, say, stack)
         bound = HostPort(address.host, port)
         if console.is_terminal:
             say(f"{description.name} takes commands on {bound}; Ctrl-C gives the arms back and ends it")
         else:
-            console.out(json.dumps({"robot": description.name, "listen": str(bound)}), highlight=False)
-        runner = RobotRunner(robot, link, say)
+            ready = {"robot": description.name, "listen": str(bound), "eyes": link.welcome.eyes}
+            console.out(json.dumps(ready), highlight=False)
+
+        def moved(now: float) -> None:
+            if eyes is not None:
+                eyes.show(now, robot.data.qpos)
+
+        runner = RobotRunner(robot, link, say, moved=moved)
         is_open, shown = _window(settings, robot, say)
         runner.run(lambda: not stop.asked and is_open(), settings.duration, shown)
         if not robot.released:
             say("giving the arms back")
         released = runner.release(RAMP)
         say("the weight is 0: the arms are given back" if released else f"the weight is still {robot.guard.weight:.2f}")
-    finally:
-        link.close()
     if settings.report:
         runner.record.report(robot, link.tally).write(settings.report)
         say(f"wrote {settings.report}")
+
+
+def _eyes(
+    settings: RobotSettings,
+    robot: SimRobot,
+    link: LinkServer,
+    port: int,
+    say: Callable[[str], None],
+    stack: contextlib.ExitStack,
+) -> EyeSupervisor | None:
+    """Have a process of its own show what the robot's eyes see, and tell loops where; None where nothing is shown."""
+    if settings.eyes_to == "off":
+        return None
+    if not has_eyes(robot.model):
+        say(f"no pictures: {robot.description.name} has no cameras left_eye and right_eye")
+        return None
+    url = f"shm:{PREFIX}{port}" if settings.eyes_to == "shm" else settings.eyes_to
+    link.welcome = replace(link.welcome, eyes=url)
+
+    def gone() -> None:
+        link.welcome = replace(link.welcome, eyes="")
+
+    eyes = EyeSupervisor(url, settings.robot, robot.model.nq, say, gone)
+    stack.callback(eyes.close)
+    return eyes
 
 
 class _StopSignals:

@@ -37,6 +37,7 @@ class RobotRunner:
         *,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
+        moved: Callable[[float], None] = lambda _now: None,
     ) -> None:
         """Put the parts together.
 
@@ -46,6 +47,7 @@ class RobotRunner:
             say: Told each change of state in a line.
             clock: Monotonic time, the same as the robot's and the link's [s].
             sleep: Waits for a time [s].
+            moved: Told the time [s] after the physics of every tick, also while the arms are given back.
         """
         self.record = RobotRecord()
         self._robot = robot
@@ -53,6 +55,7 @@ class RobotRunner:
         self._say = say
         self._clock = clock
         self._sleep = sleep
+        self._moved = moved
         self._said = (robot.guard.state, "")
         self._due = clock()
 
@@ -103,6 +106,7 @@ class RobotRunner:
             reception = self._robot.offer(arrival.command, arrival.time)
             arrival.connection.busy = reception is Reception.BUSY
         self._robot.advance()
+        self._moved(self._clock())
         self._publish()
         self.record.observe(self._robot)
         self._announce()

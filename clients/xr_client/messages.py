@@ -8,6 +8,8 @@
 | server | `ping`  | `t_ms`: the server's clock                                                                      |
 | server | `hud`   | what to show: see `Hud`                                                                         |
 
+On the video socket a page acknowledges each image that it has shown: `{"type": "shown", "seq": SEQ}`.
+
 A page's message is at most 4096 bytes, its texts at most 200 characters; numbers are finite. Other fields and other
 types are refused by name, in a `MessageError` of one line.
 """
@@ -130,6 +132,25 @@ def read_page_message(text: str) -> Hello | Pong | Clear:
             return Clear(**_exactly(fields))
         case other:
             raise MessageError(f"there is no message of type {_shown(other)}: only hello, pong and clear")
+
+
+def read_shown(text: str) -> int:
+    """Read a page's acknowledgement.
+
+    Args:
+        text: The message.
+
+    Returns:
+        Number of the image shown.
+
+    Raises:
+        MessageError: It is none.
+    """
+    fields = read_object(text)
+    seq = fields.get("seq")
+    if fields.keys() != {"type", "seq"} or fields["type"] != "shown" or type(seq) is not int or not 0 <= seq < 2**32:
+        raise MessageError('an acknowledgement is {"type": "shown", "seq": SEQ}')
+    return seq
 
 
 def read_object(text: str) -> dict[str, Any]:

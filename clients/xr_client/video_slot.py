@@ -6,7 +6,7 @@
 - An acknowledgement of an image that is not under way gives no credit.
 """
 
-from xr_client.video_packets import StereoFrame
+from ik_proto.stereo_packet import StereoFrame
 
 CREDITS = 2
 

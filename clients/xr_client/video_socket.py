@@ -12,10 +12,10 @@ from collections.abc import Callable
 
 from aiohttp import WSMsgType, web
 
+from ik_proto.stereo_packet import StereoFrame, encode_frame
 from xr_client.door import Door
-from xr_client.messages import MessageError
+from xr_client.messages import MessageError, read_shown
 from xr_client.pose_socket import BAD_PACKETS, BUSY, UNAUTHORIZED
-from xr_client.video_packets import StereoFrame, encode_frame, read_shown
 from xr_client.video_slot import VideoSlot
 
 MAX_PAGES = 4
@@ -39,17 +39,26 @@ class VideoSocket:
         shown_ms: From taking the latest image that was shown to the page's word of it [ms]; None before.
     """
 
-    def __init__(self, door: Door, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        door: Door,
+        clock: Callable[[], float] = time.monotonic,
+        *,
+        shown: Callable[[float], None] = lambda _ms: None,
+    ) -> None:
         """Wait for pages.
 
         Args:
             door: Who may connect.
             clock: Monotonic time [s], that of the images.
+            shown: Told how long it took from taking an image to the page's word that it was shown [ms].
         """
         self.shown_ms: float | None = None
         self._door = door
         self._clock = clock
+        self._shown = shown
         self._pages: list[_Page] = []
+        self._watch = threading.Event()
         self._lock = threading.Lock()
         self._latest: StereoFrame | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -57,7 +66,18 @@ class VideoSocket:
     @property
     def watched(self) -> bool:
         """Whether anybody watches: else no image needs to be made."""
-        return bool(self._pages)
+        return self._watch.is_set()
+
+    def wait_watched(self, timeout: float) -> bool:
+        """Wait, in any thread but the server's, until somebody watches.
+
+        Args:
+            timeout: How long at most [s].
+
+        Returns:
+            Whether somebody does.
+        """
+        return self._watch.wait(timeout)
 
     def publish(self, frame: StereoFrame) -> None:
         """Hand over an image, from any thread and without waiting.
@@ -91,6 +111,7 @@ class VideoSocket:
             return socket
         page = _Page(socket)
         self._pages.append(page)
+        self._watch.set()
         with self._lock:
             self._loop, self._latest = asyncio.get_running_loop(), None
         sender = asyncio.create_task(self._send(page))
@@ -98,6 +119,8 @@ class VideoSocket:
             await self._receive(page)
         finally:
             self._pages.remove(page)
+            if not self._pages:
+                self._watch.clear()
             sender.cancel()
             with contextlib.suppress(asyncio.CancelledError, ConnectionError):
                 await sender
@@ -128,6 +151,7 @@ class VideoSocket:
             taken_ms = page.slot.acknowledge(seq)
             if taken_ms is not None:
                 self.shown_ms = self._clock() * 1e3 - taken_ms
+                self._shown(self.shown_ms)
                 page.news.set()
 
     async def _send(self, page: _Page) -> None:

@@ -18,6 +18,9 @@ MAX_LINK_FRAME_BYTES = 16 * 1024
 MAX_LINK_NAME = 64
 """Longest name of a session or of a run of the service [characters]."""
 
+MAX_EYES_URL = 256
+"""Longest URL of eye images [characters]."""
+
 _MAX_ABS = 1e4
 """Largest norm of a vector of joint positions [rad], velocities [rad/s] or torques [N m]."""
 
@@ -43,11 +46,13 @@ class Welcome:
         robot: Its name.
         joint_names: Its arm joints, in the order of every vector.
         period: Time between two states, and between two commands it expects [s].
+        eyes: URL of what its eyes see; empty where it shows nothing.
     """
 
     robot: str
     joint_names: tuple[str, ...]
     period: float
+    eyes: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,8 +110,8 @@ def read_hello(document: Document) -> Hello:
 
 def welcome_document(welcome: Welcome) -> Document:
     """A welcome as it travels."""
-    names = list(welcome.joint_names)
-    return {"v": LINK_VERSION, "robot": welcome.robot, "joint_names": names, "period": welcome.period}
+    document = {"v": LINK_VERSION, "robot": welcome.robot, "joint_names": list(welcome.joint_names)}
+    return document | {"period": welcome.period, "eyes": welcome.eyes}
 
 
 def read_welcome(document: Document) -> Welcome:
@@ -120,7 +125,10 @@ def read_welcome(document: Document) -> Welcome:
     names = document.get("joint_names")
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
         raise ValueError("joint_names must be a list of names")
-    return Welcome(read_text(document, "robot"), tuple(names), read_number(document, "period"))
+    eyes = read_text(document, "eyes", "")
+    if len(eyes) > MAX_EYES_URL:
+        raise ValueError(f"eyes must have at most {MAX_EYES_URL} characters")
+    return Welcome(read_text(document, "robot"), tuple(names), read_number(document, "period"), eyes)
 
 
 def refusal_document(error: str) -> Document:

@@ -54,6 +54,8 @@ def test_messages_arrive_bit_for_bit():
     assert_same(read_state(travel(state_document(STATE)), N), STATE)
     welcome = Welcome("g1", ("a", "b"), 0.02)
     assert read_welcome(travel(welcome_document(welcome))) == welcome
+    seen = Welcome("g1", ("a", "b"), 0.02, "shm:ik-eyes-12346")
+    assert read_welcome(travel(welcome_document(seen))) == seen
     assert read_hello(travel(hello_document(Hello(token="secret")))) == Hello(token="secret")
     assert "token" not in hello_document(Hello())
 
@@ -118,6 +120,19 @@ def test_a_command_that_breaks_the_contract_gets_one_line(field, value, words):
 def test_a_refusal_says_why():
     with pytest.raises(ValueError, match=r"^unauthorized: no$"):
         read_welcome({"error": "unauthorized: no"})
+
+
+def test_a_robot_that_says_nothing_of_eyes_shows_nothing():
+    document = travel(welcome_document(Welcome("g1", ("a",), 0.02)))
+    del document["eyes"]
+    assert read_welcome(document).eyes == ""
+
+
+@pytest.mark.parametrize(("eyes", "words"), [(3, "eyes must be a string"), ("x" * 257, "at most 256")])
+def test_what_is_no_place_of_eye_images(eyes, words):
+    document = travel(welcome_document(Welcome("g1", ("a",), 0.02)))
+    with pytest.raises(ValueError, match=words):
+        read_welcome(document | {"eyes": eyes})
 
 
 @pytest.mark.parametrize("document", [{}, {"v": 2}, {"v": True}, {"v": "1"}, {"v": 1, "token": 3}])

@@ -26,8 +26,9 @@ class RobotProcess:
 
     def __init__(self, *arguments: str) -> None:
         environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "IK_TOKEN")}
+        command = [sys.executable, "-m", "sim_client", "--listen", "127.0.0.1:0", "--headless", "--eyes-to", "off"]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "sim_client", "--listen", "127.0.0.1:0", "--headless", *arguments],
+            [*command, *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             env=environment,
@@ -100,7 +101,7 @@ def test_a_robot_asked_to_end_gives_its_arms_back_first(start_robot, tmp_path: P
     """Hazard row "weight ramp / exit": SIGTERM while the weight rises, a real process."""
     file = tmp_path / "robot.json"
     robot = start_robot("--report", str(file))
-    assert robot.ready["robot"] == "g1"
+    assert (robot.ready["robot"], robot.ready["eyes"]) == ("g1", "")
     with RobotLink(robot.url) as link:
         loop = Loop(link)
         loop.until(lambda: link.weight > 0.2, loop.held)
@@ -168,6 +169,8 @@ def test_what_is_no_robot_alone_gets_one_line(capsys: pytest.CaptureFixture[str]
         ("--listen", "127.0.0.1:0", "--tls-cert", "x", "--tls-key", "y"): "cannot be used (No such file",
         ("--listen", "0.0.0.0:0", "--token-file", str(readable)): "chmod 600",
         ("--listen", "127.0.0.1:0", "--robot", "nobody"): "nobody",
+        ("--listen", "127.0.0.1:0", "--eyes-to", "disk"): "--eyes-to disk: give shm, zenoh://HOST:PORT or off",
+        ("--eyes-to", "off"): "--eyes-to goes with --listen only",
         ("--insecure",): "--insecure goes with --listen only",
         ("--token-file", "none-such"): "none-such",
     }

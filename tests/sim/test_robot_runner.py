@@ -55,7 +55,9 @@ class Rig:
             self.lines.append,
             clock=self.clock,
             sleep=self.clock.sleep,
+            moved=lambda now: self.moved.append((now, self.robot.ticks)),
         )
+        self.moved: list[tuple[float, int]] = []
         self.q = self.robot.read().q
 
     def live(self, ticks: int) -> None:
@@ -71,6 +73,16 @@ class Rig:
                 self.q = (q_set if k == ready and q_set is not None else self.q) + 0.02
                 self.link.send(self.q, engaged=True)
             self.runner.tick()
+
+
+def test_whoever_shows_the_robot_is_told_of_every_tick(toy: RobotDescription) -> None:
+    """Also of those in which the arms are given back."""
+    rig = Rig(toy, ramp=0.2)
+    rig.live(30)
+    rig.runner.release(rig.ramp)
+    assert [ticks for _, ticks in rig.moved] == list(range(1, rig.robot.ticks + 1))
+    assert rig.robot.ticks > 30
+    assert np.diff([now for now, _ in rig.moved]) == pytest.approx(CONTROL_PERIOD)
 
 
 PHASES = {"released": 1, "taking": 8, "ready": 13, "following": 30, "holding": 64, "ready again": 90}

@@ -1,12 +1,12 @@
-"""Messages, video packets, the slot with credits, and the page's clock."""
+"""Messages, the slot with credits, and the page's clock."""
 
 import json
-from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ik_proto.stereo_packet import StereoFrame
 from xr_client.messages import (
     MAX_MESSAGE_BYTES,
     ArmHud,
@@ -18,12 +18,10 @@ from xr_client.messages import (
     hud_message,
     ping_message,
     read_page_message,
+    read_shown,
 )
 from xr_client.page_clock import PageClock
-from xr_client.video_packets import StereoFrame, VideoError, decode_frame, encode_frame, read_shown
 from xr_client.video_slot import CREDITS, VideoSlot
-
-VIDEO = json.loads((Path(__file__).parent / "vectors" / "accepted.json").read_text())["video"]
 
 
 def frame(seq: int) -> StereoFrame:
@@ -105,30 +103,6 @@ def test_what_the_server_says_is_json():
     assert json.loads(ping_message(3.5)) == {"type": "ping", "t_ms": 3.5}
     with pytest.raises(ValueError, match="JSON"):
         ping_message(float("nan"))
-
-
-def test_the_golden_video_packet():
-    data, content = bytes.fromhex(VIDEO["hex"]), VIDEO["content"]
-    got = decode_frame(data)
-    assert (got.seq, got.taken_ms) == (content["seq"], content["taken_ms"])
-    assert (got.left.decode(), got.right.decode()) == (content["left"], content["right"])
-    assert encode_frame(got) == data
-
-
-@given(st.binary(max_size=80) | st.binary(max_size=40).map(lambda data: bytes.fromhex(VIDEO["hex"])[:24] + data))
-def test_bytes_are_a_video_packet_or_refused(data):
-    try:
-        assert encode_frame(decode_frame(data)) == data
-    except VideoError as error:
-        assert len(str(error).splitlines()) == 1
-
-
-@pytest.mark.parametrize(
-    "spoilt", [{"left": b""}, {"right": bytes((1 << 20) + 1)}, {"seq": -1}, {"taken_ms": float("inf")}]
-)
-def test_what_is_no_video_packet_is_not_encoded(spoilt):
-    with pytest.raises(VideoError):
-        encode_frame(StereoFrame(**{"seq": 1, "taken_ms": 0.0, "left": b"l", "right": b"r"} | spoilt))
 
 
 def test_the_latest_image_goes_next_and_credits_bound_what_is_under_way():

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from ik_proto.stereo_packet import StereoFrame, encode_frame
 from xr_client.packets import JOINTS, HandPacket, Kind, PosePacket, encode_packet
-from xr_client.video_packets import StereoFrame, encode_frame
 
 FOLDER = Path(__file__).parent
 TURNED = np.array([0.25, 1.125, -0.5, 0.5, -0.5, 0.5, 0.5])
@@ -51,7 +51,7 @@ POSES = {
     "a hand that is lost": PosePacket(seq=5, epoch=2, capture_ms=55.0, head=HEAD, left=HandPacket(Kind.HAND)),
 }
 
-FRAME = StereoFrame(seq=258, taken_ms=1234.5, left=b"left image", right=b"right")
+FRAME = StereoFrame(seq=258, taken_ms=1234.5, left=b"left image", right=b"right", fov_deg=60.25)
 
 
 def content(packet: PosePacket) -> dict[str, Any]:
@@ -102,7 +102,7 @@ def documents() -> dict[str, str]:
         ],
         "video": {
             "hex": encode_frame(FRAME).hex(),
-            "content": {"seq": FRAME.seq, "taken_ms": FRAME.taken_ms, "left": "left image", "right": "right"},
+            "content": asdict(FRAME) | {"left": FRAME.left.decode(), "right": FRAME.right.decode()},
         },
     }
     rejected = [{"name": name, "hex": data} for name, data in refused().items()]
