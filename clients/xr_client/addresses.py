@@ -4,25 +4,37 @@ import io
 import ipaddress
 import socket
 import struct
-from ipaddress import IPv4Address
+from ipaddress import IPv4Address, IPv6Address
+from pathlib import Path
 
 PERMITTED_NETWORKS = tuple(
     ipaddress.ip_network(text)
-    for text in ("10.0.0.0/8", "172.16.0.0/12", "192.168.0.0/16", "169.254.0.0/16", "100.64.0.0/10", "127.0.0.0/8")
+    for text in (
+        *("10.0.0.0/8", "172.16.0.0/12", "192.168.0.0/16", "169.254.0.0/16", "100.64.0.0/10", "127.0.0.0/8"),
+        *("fc00::/7", "::1/128"),
+    )
 )
 """Networks that are nobody's in particular: the only ones our certificates speak for."""
 
 _SIOCGIFADDR = 0x8915
+_IPV6_INTERFACES = Path("/proc/net/if_inet6")
 
 
-def local_addresses() -> list[IPv4Address]:
-    """The IPv4 addresses of this machine in private networks, the one of the default route first; without loopback."""
-    candidates = [_routed_address(), *(_interface_address(name) for _, name in socket.if_nameindex())]
+def local_addresses(*, ipv6: bool = False) -> list[IPv4Address | IPv6Address]:
+    """The addresses of this machine in private networks, the one of the default route first; without loopback.
+
+    Args:
+        ipv6: Those of IPv6 too, behind the others: unique local ones (RFC 4193).
+    """
+    candidates: list[IPv4Address | IPv6Address | None] = [_routed_address()]
+    candidates += [_interface_address(name) for _, name in socket.if_nameindex()]
+    if ipv6:
+        candidates += _ipv6_addresses()
     distinct = dict.fromkeys(address for address in candidates if address is not None)
     return [address for address in distinct if not address.is_loopback and is_permitted(address)]
 
 
-def is_permitted(address: IPv4Address) -> bool:
+def is_permitted(address: IPv4Address | IPv6Address) -> bool:
     """Whether an address is in a private network."""
     return any(address in network for network in PERMITTED_NETWORKS)
 
@@ -34,7 +46,7 @@ def host_names() -> list[str]:
     return list(dict.fromkeys([f"{short}.local", name])) if short and short != "localhost" else []
 
 
-def page_url(host: str, port: int, token: str, *, secure: bool) -> str:
+def page_url(host: str, port: int, token: str, *, secure: bool, path: str = "/") -> str:
     """The page's address, with the token after a #, which browsers keep to themselves.
 
     Args:
@@ -42,8 +54,10 @@ def page_url(host: str, port: int, token: str, *, secure: bool) -> str:
         port: TCP port.
         token: The secret of this run.
         secure: Whether the page is served over TLS.
+        path: Of the page.
     """
-    return f"{'https' if secure else 'http'}://{host}:{port}/#{token}"
+    place = f"[{host}]" if ":" in host else host
+    return f"{'https' if secure else 'http'}://{place}:{port}{path}#{token}"
 
 
 def qr_code(url: str) -> str:
@@ -87,3 +101,12 @@ def _interface_address(name: str) -> IPv4Address | None:
             return IPv4Address(fcntl.ioctl(probe.fileno(), _SIOCGIFADDR, request)[20:24])
         except OSError:
             return None
+
+
+def _ipv6_addresses() -> list[IPv6Address | None]:
+    """The IPv6 addresses of all interfaces; none where the system does not tell in this way."""
+    try:
+        lines = _IPV6_INTERFACES.read_text().splitlines()
+    except OSError:
+        return []
+    return [IPv6Address(int(line.split()[0], 16)) for line in lines]

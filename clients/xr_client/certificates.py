@@ -6,7 +6,7 @@ A headset that installs the CA trusts it from then on. So that this gives away a
   at the time it was made, and for nothing else, whoever gets hold of its key.
 - Its key never leaves the folder, which is 0700; keys are 0600. A key that others can read is refused.
 - The leaf lasts 397 days (Apple accepts 825 at most). It is renewed 30 days before it ends, and when the machine's
-  addresses are no longer those it names.
+  addresses are no longer those it names; while a server runs, `renewal` does that.
 
 | file       | what                                                                 |
 |------------|----------------------------------------------------------------------|
@@ -29,7 +29,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from xr_client.addresses import PERMITTED_NETWORKS, is_permitted
+from xr_client.addresses import PERMITTED_NETWORKS
 from xr_client.key_files import (
     CertificateError,
     load_certificate,
@@ -99,7 +99,7 @@ def ensure_credentials(folder: Path, names: Sequence[str], hosts: Sequence[str],
     if now >= ca.not_valid_after_utc:
         raise CertificateError(f"the certificate authority expired on {ca.not_valid_after_utc:%Y-%m-%d}: {again}")
     files = folder / "leaf.pem", folder / "leaf.key"
-    wanted = _alternative_names(names, _permitted_names(ca))
+    wanted = _alternative_names(names, ca)
     if _still_good(*files, ca, wanted, now):
         return Credentials(*files, ca_path, renewed=False)
     leaf = _make_leaf(new_key(files[1]), ca, ca_key, wanted, now)
@@ -129,7 +129,10 @@ def certificate_fault(pem: Path, host: str, now: datetime.datetime) -> str | Non
     names = _names_of(leaf)
     if _name(host) not in names:
         known = ", ".join(str(name.value) for name in names) or "nothing"
-        return f"the certificate {pem} is for {known}, not for {host}: open one of those, or renew it"
+        return (
+            f"the certificate {pem} is for {known}, not for {host}: open one of those, or remove {pem.parent} and "
+            f"start with --name {host}"
+        )
     return None
 
 
@@ -207,15 +210,18 @@ def _still_good(
     return in_time and own_key and set(wanted) <= set(_names_of(leaf))
 
 
-def _alternative_names(names: Sequence[str], domains: list[str]) -> list[x509.GeneralName]:
-    """The names a leaf may have, in order."""
+def _alternative_names(names: Sequence[str], ca: x509.Certificate) -> list[x509.GeneralName]:
+    """The names a leaf may have, in order: those within the CA's constraints."""
+    permitted = ca.extensions.get_extension_for_class(x509.NameConstraints).value.permitted_subtrees or ()
+    domains = [name.value for name in permitted if isinstance(name, x509.DNSName)]
+    networks = [ipaddress.ip_network(str(name.value)) for name in permitted if isinstance(name, x509.IPAddress)]
     result = []
-    for name in map(_name, dict.fromkeys(["localhost", "127.0.0.1", *names])):
+    for name in map(_name, dict.fromkeys(["localhost", "127.0.0.1", "::1", *names])):
         if isinstance(name, x509.IPAddress):
-            permitted = isinstance(name.value, ipaddress.IPv4Address) and is_permitted(name.value)
+            within = any(ipaddress.ip_address(str(name.value)) in network for network in networks)
         else:
-            permitted = any(name.value == domain or name.value.endswith("." + domain) for domain in domains)
-        if permitted:
+            within = any(name.value == domain or name.value.endswith("." + domain) for domain in domains)
+        if within:
             result.append(name)
     return result
 
@@ -225,11 +231,6 @@ def _name(text: str) -> x509.IPAddress | x509.DNSName:
         return x509.IPAddress(ipaddress.ip_address(text))
     except ValueError:
         return x509.DNSName(text.lower())
-
-
-def _permitted_names(ca: x509.Certificate) -> list[str]:
-    constraints = ca.extensions.get_extension_for_class(x509.NameConstraints).value
-    return [name.value for name in constraints.permitted_subtrees or () if isinstance(name, x509.DNSName)]
 
 
 def _names_of(leaf: x509.Certificate) -> list[x509.GeneralName]:

@@ -12,6 +12,8 @@ from pathlib import Path
 
 EXIT_OK, EXIT_USAGE = 0, 2
 _PACKAGES = ("aiohttp", "cryptography", "segno", "ruckig")
+_NETWORK = {"host", "port", "names", "certificates"}
+"""Options that only make sense where the page is served to others."""
 
 _EPILOG = """\
 examples:
@@ -20,8 +22,14 @@ examples:
   ik-xr                                         in a third; open the URL it prints in the headset
   ik-xr --arm-length 0.58                       your stretched arm is the robot's stretched arm
   ik-xr --local-only                            for a headset on a USB cable: no certificates
+  ik-xr --emulate                               without a headset: mouse and keys in a browser on this machine
   ik-xr --record monday.ikxr                    keep the session
   ik-xr --replay monday.ikxr                    play it again, without a headset
+
+in the headset, the first time:
+  1. open the printed https address, or scan the QR code with the headset's camera
+  2. install ca.crt from the printed address, so that the browser trusts this machine; a USB cable needs none of it
+  3. press Enter VR, hold your hands as the robot's arms are, and grip: the arms follow until you let go
 
 environment:
   IK_TOKEN  secret of a service or robot that demands one
@@ -29,6 +37,8 @@ environment:
 exit codes:
   0  ran to the end of the recording, or until Ctrl-C
   2  a wrong option or file, a port that is taken, no service or no robot; one line says which
+
+This is no safety function: keep the robot's own emergency stop within reach.
 """
 
 
@@ -55,15 +65,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if "names" in options:
             options["names"] = tuple(options["names"])
-        summary = run(Settings(**options), _say, terminal=sys.stdout.isatty(), keep_going=lambda: not ended)
+        # An emulated headset is in a browser on this machine; who names a port wants real ones too.
+        if "emulate" in options and not options.keys() & _NETWORK:
+            options["local_only"] = True
+        report = run(Settings(**options), _say, terminal=sys.stdout.isatty(), keep_going=lambda: not ended)
     # The errors of settings, certificates, ports, recordings and calibration are ValueErrors of one line each.
     except (ValueError, IKError, OSError) as error:
         return _fail(" ".join(str(error).split()))
-    share = summary.active / max(summary.ticks, 1)
-    _say(
-        f"{summary.ticks} ticks, {summary.late} of them late; {summary.engagements} engagements, "
-        f"an arm followed in {share:.0%} of the time"
-    )
+    for line in report.lines():
+        _say(line)
     return EXIT_OK
 
 
@@ -80,7 +90,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--robot", metavar="URL", help="the robot's end (tcp://127.0.0.1:12346)")
     parser.add_argument("--ca", metavar="FILE", type=Path, help="authority of a tls:// service or robot (PEM)")
     page = parser.add_argument_group("the page")
-    page.add_argument("--host", metavar="ADDRESS", help="address to serve it at with TLS (0.0.0.0: all)")
+    page.add_argument("--host", metavar="ADDRESS", help="address to serve it at with TLS (0.0.0.0: all; ::, IPv6 too)")
     page.add_argument("--port", metavar="PORT", type=int, help="its port (8443)")
     page.add_argument("--local-port", metavar="PORT", type=int, help="port for http on this machine only (8080)")
     page.add_argument("--local-only", action="store_true", help="serve it on this machine only")
@@ -104,6 +114,19 @@ def _parser() -> argparse.ArgumentParser:
     session = parser.add_argument_group("the session")
     session.add_argument("--record", metavar="FILE.ikxr", type=Path, help="keep what the headset sends")
     session.add_argument("--replay", metavar="FILE", type=Path, help="play a recording (.ikxr or .npz) instead")
+    session.add_argument(
+        "--emulate",
+        action="store_true",
+        help="try it without a headset: a browser on this machine opens the page with an emulated one; implies "
+        "--local-only unless --host, --port, --name or --certificates is given; needs npm, once",
+    )
+    session.add_argument(
+        "--video",
+        metavar="SOURCE",
+        help="the robot's eye images: auto takes what the robot names, off shows none, or shm:NAME, zenoh://HOST:PORT "
+        "(auto)",
+    )
+    session.add_argument("--report", metavar="FILE.json", type=Path, help="write what was done, with all latencies")
     session.add_argument("--release", action="store_true", help="at the end, have the robot take its arms back")
     return parser
 

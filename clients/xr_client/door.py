@@ -34,6 +34,10 @@ class Door:
         if not token:
             raise ValueError("the token must not be empty")
         self._token = token.encode()
+        self.know(hosts)
+
+    def know(self, hosts: Iterable[str]) -> None:
+        """Take these names and addresses for this machine's, in the place of those before; from any thread."""
         self._hosts = {host.lower() for host in hosts}
 
     def origin_fault(self, origin: str | None, asked: str | None) -> str | None:

@@ -1,24 +1,23 @@
 """Opens the web server of a session: certificates, addresses, token; and tells a person how to get to the page."""
 
-import datetime
 import secrets
-import ssl
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 
-from xr_client.addresses import host_names, local_addresses, page_url, qr_code, usb_route
-from xr_client.certificates import ensure_credentials
+from xr_client.addresses import page_url, qr_code, usb_route
 from xr_client.door import Door
 from xr_client.hud_board import HudBoard
+from xr_client.iwer import iwer_script
+from xr_client.network import Network
 from xr_client.pages import Pages
 from xr_client.pose_socket import PoseSocket
 from xr_client.server import Place, XrServer
 from xr_client.settings import Settings
+from xr_client.stages import Stages
 from xr_client.tracker import Tracker
 from xr_client.video_socket import VideoSocket
-
-_LOOPBACK = "127.0.0.1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +29,8 @@ class Gateway:
         local: The page's URL on this machine, with the token.
         local_port: Its port.
         install: URL of the CA's certificate; empty without TLS.
+        emulator: URL of the page with an emulated headset; empty where none was asked for.
+        faults: Why headsets would refuse other addresses of this machine, a line each.
         pose: Handles poses.
         video: Takes images.
     """
@@ -38,6 +39,8 @@ class Gateway:
     local: str
     local_port: int
     install: str
+    emulator: str
+    faults: tuple[str, ...]
     pose: PoseSocket
     video: VideoSocket
 
@@ -53,8 +56,11 @@ class Gateway:
             if with_qr_code:
                 yield qr_code(self.pages[0])
             yield f"once per headset, to trust this machine: install {self.install}"
+        yield from self.faults
         yield f"on this machine: {self.local}"
         yield usb_route(self.local, self.local_port)
+        if self.emulator:
+            yield f"with an emulated headset, in a browser on this machine: {self.emulator}"
 
 
 @contextmanager
@@ -62,47 +68,67 @@ def open_gateway(
     settings: Settings,
     tracker: Tracker,
     board: HudBoard,
-    clear: Callable[[], None],
-    record: Callable[[bytes, float], None],
+    stages: Stages,
+    *,
+    clear: Callable[[], None] = lambda: None,
+    record: Callable[[bytes, float], None] = lambda _data, _now: None,
+    say: Callable[[str], None] = lambda _line: None,
 ) -> Generator[Gateway]:
     """Serve the page for as long as the block lasts.
 
     Args:
         settings: Where, and with what certificates.
         tracker: Takes the poses.
-        board: What to show; gets the latencies of the sockets.
+        board: What to show.
+        stages: Take the latencies of the sockets.
         clear: Called when a person has looked at the fault.
         record: Called with each packet that counts and its arrival.
+        say: Tells a person of new addresses, in a line, from any thread.
 
     Raises:
         CertificateError: The certificates cannot be used.
+        EmulatorError: The emulated headset cannot be had.
         ListenError: A port cannot be listened at.
     """
+    emulator = iwer_script() if settings.emulate else None
+    network = None if settings.local_only else Network(settings)
+    hosts = network.hosts() if network else []
     token = secrets.token_urlsafe(16)
-    networked = not settings.local_only
-    hosts = [*settings.names, *map(str, local_addresses()), *host_names()] if networked else []
-    tls, ca_der = None, None
-    if networked:
-        folder = settings.certificates.expanduser()
-        made = ensure_credentials(folder, hosts, host_names(), datetime.datetime.now(datetime.UTC))
-        tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-        tls.minimum_version = ssl.TLSVersion.TLSv1_2
-        tls.load_cert_chain(made.leaf, made.key)
-        ca_der = made.ca_der
     door = Door(token, hosts)
-    pose = PoseSocket(door, tracker, hud=board.hud, clear=clear, record=record)
-    video = VideoSocket(door)
-    board.add_stage("headset", lambda: pose.capture_to_arrival_ms)
-    board.add_stage("video", lambda: video.shown_ms)
-    server = XrServer(Pages(ca_der=ca_der), pose, video)
-    places = [Place(_LOOPBACK, settings.local_port)]
-    if networked:
-        places.append(Place(settings.host, settings.port, tls))
+
+    def arrived(data: bytes, now: float) -> None:
+        record(data, now)
+        age = pose.capture_to_arrival_ms
+        if age is not None:
+            stages["headset"].add(age)
+
+    pose = PoseSocket(door, tracker, hud=board.hud, clear=clear, record=arrived)
+    video = VideoSocket(door, shown=stages["video"].add)
+    server = XrServer(Pages(ca_der=network.made.ca_der if network else None, emulator=emulator), pose, video)
+    places = [Place("localhost", settings.local_port)]
+    if network:
+        places.append(Place(settings.host, settings.port, network.tls))
+    renewal = None
     try:
         ports = server.start(*places)
-        urls = [page_url(host, ports[1], token, secure=True) for host in hosts] if networked else []
-        local = page_url("localhost", ports[0], token, secure=False)
-        install = f"{urls[0].split('#')[0]}ca.crt" if urls else ""
-        yield Gateway(tuple(urls), local, ports[0], install, pose, video)
+        local = partial(page_url, "localhost", ports[0], token, secure=False)
+        pages, faults = [], []
+        if network:
+            url = partial(page_url, port=ports[1], token=token, secure=True)
+            pages, faults = network.offer(hosts, url)
+            renewal = network.renewal(server, door, url, say)
+            renewal.start()
+        yield Gateway(
+            pages=tuple(pages),
+            local=local(),
+            local_port=ports[0],
+            install=f"{pages[0].split('#')[0]}ca.crt" if pages else "",
+            emulator=local(path="/emulate") if emulator else "",
+            faults=tuple(faults),
+            pose=pose,
+            video=video,
+        )
     finally:
+        if renewal is not None:
+            renewal.stop()
         server.stop()

@@ -1,4 +1,7 @@
-"""What the loop did last, for the HUD. The loop writes, the server reads; neither waits for the other."""
+"""What the loop did last, for the HUD. The loop writes, the server reads; neither waits for the other.
+
+The note tells one thing, the gravest: what is wrong with the robot or the loop, else why there is no picture.
+"""
 
 from collections.abc import Callable
 
@@ -8,6 +11,7 @@ from ik_client.state_machine import ArmState
 from ik_client.tick_report import TickReport
 from ik_proto import Status
 from xr_client.messages import ArmHud, Hud
+from xr_client.stages import Stages
 
 FAR_FROM_TARGET = 0.02
 """Distance of a wrist from its target that a person is warned of [m]."""
@@ -18,9 +22,14 @@ _SIDES = ("left", "right")
 class HudBoard:
     """Keeps the latest tick as a HUD shows it."""
 
-    def __init__(self) -> None:
-        """Start without a tick."""
-        self._stages: dict[str, Callable[[], float | None]] = {}
+    def __init__(self, stages: Stages | None = None) -> None:
+        """Start without a tick.
+
+        Args:
+            stages: Latencies to show; None shows those of a tick only.
+        """
+        self._stages = stages
+        self._no_picture: Callable[[], str] = str
         self._states = [ArmState.DISARMED, ArmState.DISARMED]
         self._changes = [0, 0]
         self._latest: TickReport | None = None
@@ -31,14 +40,13 @@ class HudBoard:
         measured = self._latest.measured if self._latest else None
         return measured is not None and measured.ready
 
-    def add_stage(self, name: str, latency_ms: Callable[[], float | None]) -> None:
-        """Show a further latency.
+    def explain_pictures(self, fault: Callable[[], str]) -> None:
+        """Show why there is no picture.
 
         Args:
-            name: Of the stage.
-            latency_ms: Gives it [ms], None where it is not known; asked whenever a HUD is made.
+            fault: Says why, in one line; empty where there is one, or none is wanted. Asked whenever a HUD is made.
         """
-        self._stages[name] = latency_ms
+        self._no_picture = fault
 
     def observe(self, report: TickReport) -> None:
         """Take a tick."""
@@ -61,7 +69,7 @@ class HudBoard:
             note = f"robot: {robot.note}"
         else:
             note = report.reason if report.fault or any(arm.state is ArmState.ACTIVE for arm in report.arms) else ""
-        return Hud(left, right, note, self._latencies(report))
+        return Hud(left, right, note or self._no_picture(), self._latencies(report))
 
     def _arm(self, report: TickReport, side: int) -> ArmHud:
         arm = report.arms[side]
@@ -78,12 +86,10 @@ class HudBoard:
         )
 
     def _latencies(self, report: TickReport | None) -> dict[str, float | None]:
-        """Stages in the order of the way, rounded to 10 us [ms]."""
-        own = {"service": None, "solve": None}
-        if report is not None:
-            own["service"] = None if report.round_trip is None else report.round_trip * 1e3
-            own["solve"] = None if report.solve_us is None else report.solve_us * 1e-3
-        stages = {name: ask() for name, ask in self._stages.items()} | own
+        """Stages of late, and the latest solve, rounded to 10 us [ms]."""
+        stages = self._stages.recent() if self._stages else {}
+        solve_us = report.solve_us if report else None
+        stages["solve"] = None if solve_us is None else 1e-3 * solve_us
         return {name: None if value is None else round(value, 2) for name, value in stages.items()}
 
 

@@ -16,6 +16,7 @@ class Pacer:
     Attributes:
         late: Ticks that began later than one period after they were due.
         moved: How often the schedule was moved.
+        behind: How long after it was due the latest tick began [s].
     """
 
     def __init__(
@@ -33,6 +34,7 @@ class Pacer:
         """
         self.late = 0
         self.moved = 0
+        self.behind = 0.0
         self._period = period
         self._clock = clock
         self._sleep = sleep
@@ -42,9 +44,10 @@ class Pacer:
         """Wait until the next tick is due."""
         now = self._clock()
         due = now if self._due is None else self._due + self._period
+        self._due = due
         if now < due:
             self._sleep(due - now)
         elif now - due > MAX_BACKLOG:
-            due, self.moved = now, self.moved + 1
-        self.late += now - due > self._period
-        self._due = due
+            self._due, self.moved = now, self.moved + 1
+        self.behind = max(self._clock() - due, 0.0)
+        self.late += self.behind > self._period

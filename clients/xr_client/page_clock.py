@@ -15,6 +15,8 @@ class PageClock:
     def __init__(self) -> None:
         """Start without a pong."""
         self._pongs: deque[tuple[float, float]] = deque(maxlen=WINDOW)
+        # Round trip and lead of the best one [ms]; replaced as a whole, so that any thread may look.
+        self._best: tuple[float, float] | None = None
 
     def pong(self, t_ms: float, page_ms: float, now_ms: float) -> None:
         """Take an answer to a ping.
@@ -26,11 +28,13 @@ class PageClock:
         """
         if t_ms <= now_ms:
             self._pongs.append((now_ms - t_ms, page_ms - 0.5 * (now_ms + t_ms)))
+            self._best = min(self._pongs)
 
     @property
     def round_trip_ms(self) -> float | None:
         """The shortest round trip of late [ms]; None before the first pong."""
-        return min(self._pongs)[0] if self._pongs else None
+        best = self._best
+        return best[0] if best else None
 
     def age_ms(self, page_ms: float, now_ms: float) -> float | None:
         """How old something is that has the page's time, to half a round trip [ms]; None before the first pong.
@@ -39,4 +43,5 @@ class PageClock:
             page_ms: The page's time [ms].
             now_ms: Our clock [ms].
         """
-        return now_ms - (page_ms - min(self._pongs)[1]) if self._pongs else None
+        best = self._best
+        return now_ms - (page_ms - best[1]) if best else None

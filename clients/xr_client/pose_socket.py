@@ -102,7 +102,16 @@ class PoseSocket:
     def capture_to_arrival_ms(self) -> float | None:
         """From the latest packet's capture to its arrival, to half a round trip [ms]; None where it is not known."""
         latest = self._tracker.latest
-        return self._page_clock.age_ms(latest.packet.capture_ms, latest.time * 1e3) if latest else None
+        return self.age_ms(latest.packet.capture_ms, latest.time) if latest else None
+
+    def age_ms(self, page_ms: float, now: float) -> float | None:
+        """How old something is that has the page's time, to half a round trip [ms]; None where that is not known.
+
+        Args:
+            page_ms: The page's time [ms].
+            now: Our clock [s].
+        """
+        return self._page_clock.age_ms(page_ms, now * 1e3)
 
     async def handle(self, request: web.Request) -> web.StreamResponse:
         """Serve one connection, from its request to its end."""

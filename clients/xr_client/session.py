@@ -1,14 +1,14 @@
 """One run of `ik-xr`: a headset or a recording, the teleop loop, a service and a robot.
 
-The loop ticks at the robot's own rate in the main thread; the web server has a thread of its own.
+The loop ticks at the robot's own rate in the main thread; the web server has a thread of its own, and so have images.
 """
 
 import contextlib
 import io
 import json
 import ssl
+import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,47 +16,33 @@ from ik_client.client import IKClient
 from ik_client.clutch import Clutch
 from ik_client.engagement import ArmEngagement
 from ik_client.joint_limiter import JointLimiter
-from ik_client.robot_end import RobotLink
-from ik_client.state_machine import ArmState
+from ik_client.robot_end import RobotLink, RobotSilent
 from ik_client.teleop import TeleopLoop
-from ik_client.tick_report import TickReport
 from ik_proto import InfoReply
 from xr_client.calibration import arm_scale, fit_neck
+from xr_client.desktop import open_page
 from xr_client.frames import SEED_GRIP, GripOffset, pose_of, to_robot
-from xr_client.gateway import open_gateway
+from xr_client.gateway import Gateway, open_gateway
 from xr_client.hud_board import HudBoard
 from xr_client.pacer import Pacer
 from xr_client.recording import Recorder, read_recording
 from xr_client.reference import HeadReference, StandingReference
 from xr_client.replay import Replay
+from xr_client.run_report import RunReport
 from xr_client.settings import Settings, SettingsError
+from xr_client.stages import Stages
 from xr_client.tracker import Tracker
+from xr_client.video_feed import VideoFeed
+from xr_client.visitors import Visitors
 
 Say = Callable[[str], None]
 
-_INFO_TIMEOUT = 2.0
+_INFO_TIMEOUT, _STATE_TIMEOUT = 2.0, 2.0
 _REST_TICKS = 50
 """Ticks after a replay in which the arms come to rest."""
 
 
-@dataclass
-class Summary:
-    """What a run did.
-
-    Attributes:
-        ticks: Ticks of the loop.
-        active: Ticks in which an arm followed a hand.
-        engagements: How often an arm began to follow.
-        late: Ticks that began late.
-    """
-
-    ticks: int = 0
-    active: int = 0
-    engagements: int = 0
-    late: int = 0
-
-
-def run(settings: Settings, say: Say, *, terminal: bool, keep_going: Callable[[], bool]) -> Summary:
+def run(settings: Settings, say: Say, *, terminal: bool, keep_going: Callable[[], bool]) -> RunReport:
     """Run until it is asked to end, or the recording has.
 
     Args:
@@ -66,20 +52,21 @@ def run(settings: Settings, say: Say, *, terminal: bool, keep_going: Callable[[]
         keep_going: Asked before every tick.
 
     Returns:
-        What was done.
+        What was done; it has been written to the file that was asked for.
 
     Raises:
         ValueError: Options, recordings, certificates, ports or addresses cannot be used.
         IKError: Service or robot cannot be reached at the beginning.
     """
-    tracker = _tracker(settings)
+    tracker, stages = _tracker(settings), Stages()
     recorded = read_recording(settings.replay) if settings.replay else None
+    keep = _writable(settings)
     with contextlib.ExitStack() as stack:
         robot = stack.enter_context(RobotLink(settings.robot, ssl=_trusting(settings)))
         period = robot.welcome.period
         info = _info(settings, robot)
         client = stack.enter_context(IKClient(settings.service, timeout=0.5 * period, ca=settings.ca))
-        board = HudBoard()
+        board = HudBoard(stages)
         source = Replay(recorded, tracker, lambda: board.robot_ready) if recorded else tracker
         loop = TeleopLoop(
             client,
@@ -89,56 +76,98 @@ def run(settings: Settings, say: Say, *, terminal: bool, keep_going: Callable[[]
             arms=(_arm(settings, info), _arm(settings, info)),
             feed_forward=True,
         )
+        gateway = None
         if recorded is None:
-            recorder = _recorder(settings, stack)
-            gateway = stack.enter_context(open_gateway(settings, tracker, board, loop.clear, recorder))
-            if terminal:
-                for line in gateway.describe(with_qr_code=True):
-                    say(line)
-            else:
-                say(json.dumps({"pages": gateway.pages, "local": gateway.local, "install": gateway.install}))
-        summary = _loop(loop, board, source, Pacer(period), keep_going, say)
+            record = _recorder(settings, stack)
+            gateway = stack.enter_context(
+                open_gateway(settings, tracker, board, stages, clear=loop.clear, record=record, say=say)
+            )
+            _feed(settings, robot, gateway, board, stack)
+            _welcome(gateway, say, terminal=terminal)
+        _await_state(robot, period)
+        report = RunReport(stages, tracker)
+        stack.callback(keep, report)
+        _loop(loop, board, source, gateway, report, Pacer(period), keep_going, say)
         if settings.release:
             loop.release()
             given = robot.release()
             say("the robot has taken its arms back" if given else "the robot has not taken its arms back: it holds")
         else:
             say("the robot holds its arms where they are")
-    return summary
+    return report
 
 
 def _loop(
     loop: TeleopLoop,
     board: HudBoard,
     source: Replay | Tracker,
+    gateway: Gateway | None,
+    report: RunReport,
     pacer: Pacer,
     keep_going: Callable[[], bool],
     say: Say,
-) -> Summary:
-    summary, states = Summary(), loop.states
-    rest = _REST_TICKS
+) -> None:
+    visitors, rest = Visitors(), _REST_TICKS
+    tracker = source.tracker if isinstance(source, Replay) else source
+    age_ms = gateway.pose.age_ms if gateway else None
+
+    def tick() -> None:
+        done = loop.tick()
+        report.stages.observe(done, tracker.used, age_ms)
+        board.observe(done)
+        for line in report.observe(done):
+            say(line)
+
     while keep_going() and rest:
         pacer.wait()
-        report = loop.tick()
-        board.observe(report)
-        states = _announce(report, states, summary, say)
+        report.lateness.add(1e3 * pacer.behind)
+        report.late = pacer.late
+        tick()
+        if gateway is not None:
+            pose = gateway.pose
+            for line in visitors.look(tracker.connections, pose.connected, pose.device, time.monotonic()):
+                say(line)
         rest -= isinstance(source, Replay) and source.finished
     loop.stop("ik-xr ends")
-    board.observe(loop.tick())
-    summary.late = pacer.late
-    return summary
+    tick()
 
 
-def _announce(report: TickReport, before: tuple[ArmState, ...], summary: Summary, say: Say) -> tuple[ArmState, ...]:
-    """Count a tick, and tell what has changed."""
-    states = tuple(arm.state for arm in report.arms)
-    for name, arm, was in zip(("left", "right"), report.arms, before, strict=True):
-        if arm.state is not was:
-            summary.engagements += arm.state is ArmState.ACTIVE
-            say(f"{name} arm: {arm.state}" + (f", {arm.reason}" if arm.reason else ""))
-    summary.ticks += 1
-    summary.active += ArmState.ACTIVE in states
-    return states
+def _await_state(robot: RobotLink, period: float) -> None:
+    """Wait for a fresh state: the first tick needs one, and starting may have taken all of a busy machine.
+
+    Raises:
+        RobotSilent: None comes.
+    """
+    end = time.monotonic() + _STATE_TIMEOUT
+    while True:
+        try:
+            robot.read()
+            return
+        except RobotSilent:
+            if time.monotonic() > end:
+                raise
+        time.sleep(period)
+
+
+def _welcome(gateway: Gateway, say: Say, *, terminal: bool) -> None:
+    """Tell how to get to the page; with an emulated headset, open it where there is a screen."""
+    if not terminal:
+        urls = {"pages": gateway.pages, "local": gateway.local, "install": gateway.install}
+        say(json.dumps(urls | {"emulator": gateway.emulator}))
+        return
+    for line in gateway.describe(with_qr_code=not gateway.emulator):
+        say(line)
+    if gateway.emulator:
+        open_page(gateway.emulator)
+
+
+def _feed(settings: Settings, robot: RobotLink, gateway: Gateway, board: HudBoard, stack: contextlib.ExitStack) -> None:
+    """Show the robot's eye images to whoever watches."""
+    if settings.video == "off":
+        return
+    url = robot.welcome.eyes if settings.video == "auto" else settings.video
+    feed = stack.enter_context(VideoFeed(url, robot.welcome.robot, gateway.video))
+    board.explain_pictures(lambda: feed.fault if gateway.video.watched else "")
 
 
 def _trusting(settings: Settings) -> ssl.SSLContext | None:
@@ -191,3 +220,16 @@ def _recorder(settings: Settings, stack: contextlib.ExitStack) -> Callable[[byte
         raise SettingsError(f"{settings.record} cannot be written: {error.strerror}") from None
     assert isinstance(file, io.BufferedWriter)
     return Recorder(file).write
+
+
+def _writable(settings: Settings) -> Callable[[RunReport], None]:
+    """What writes the report; whether it can is found out before the run."""
+    path = settings.report
+    if path is None:
+        return lambda _report: None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    except OSError as error:
+        raise SettingsError(f"{path} cannot be written: {error.strerror}") from None
+    return lambda report: report.write(path)

@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+from ik_client.eyes.source import check_url
+
 REFERENCES = ("standing", "openwbt")
 
 
@@ -29,8 +31,11 @@ class Settings:
         scale: Way of the wrist over way of the hand; None takes it from the arm's length, or 1.
         arm_length: From the operator's shoulder to the wrist [m]; None where it was not measured.
         neck: Recording in which the operator looks around; None lets the frame stand where it was at the grip.
+        video: Where the robot's eye images come from: "auto" takes what the robot names, "off" shows none; or a URL.
+        emulate: Serve the page with an emulated headset too.
         record: File to write the session to.
         replay: Recorded session to play instead of serving a page.
+        report: JSON file to write what the run did and how long its stages took to.
         release: At the end, have the robot take its arms back; else it holds them.
     """
 
@@ -47,8 +52,11 @@ class Settings:
     scale: float | None = None
     arm_length: float | None = None
     neck: Path | None = None
+    video: str = "auto"
+    emulate: bool = False
     record: Path | None = None
     replay: Path | None = None
+    report: Path | None = None
     release: bool = False
 
     def __post_init__(self) -> None:
@@ -68,6 +76,13 @@ class Settings:
             raise SettingsError("--neck, --scale and --arm-length are not for --reference openwbt, which is absolute")
         if self.record is not None and self.replay is not None:
             raise SettingsError("--record and --replay do not go together: a replay is recorded already")
+        if self.emulate and self.replay is not None:
+            raise SettingsError("--emulate and --replay do not go together: a replay needs no headset")
+        if self.video not in ("auto", "off"):
+            try:
+                check_url(self.video)
+            except ValueError:
+                raise SettingsError(f"--video {self.video}: give auto, off, shm:NAME or zenoh://HOST:PORT") from None
         for flag, port in (("--port", self.port), ("--local-port", self.local_port)):
             if not 0 <= port < 65536:
                 raise SettingsError(f"{flag} {port}: must be from 0 to 65535")

@@ -69,11 +69,17 @@ class Tracker:
         self._freeze = (FreezeWatch(), FreezeWatch())
         self._kinds = [Kind.NONE, Kind.NONE]
         self._latest: Arrival | None = None
+        self._used: Arrival | None = None
 
     @property
     def latest(self) -> Arrival | None:
         """The latest packet taken; None without a connection."""
         return self._latest
+
+    @property
+    def used(self) -> Arrival | None:
+        """The packet that the loop used last."""
+        return self._used
 
     def connect(self) -> None:
         """Begin anew: a page has connected."""
@@ -112,6 +118,7 @@ class Tracker:
         arrival = self._latest
         if arrival is None:
             return None
+        self._used = arrival
         left, right = (self._admit(arrival, side, now) for side in Side)
         return self._reference.hands(replace(arrival.look, left=left, right=right))
 

@@ -3,7 +3,7 @@
 import datetime
 import ssl
 import stat
-from ipaddress import IPv4Address
+from ipaddress import ip_address
 from pathlib import Path
 
 import pytest
@@ -55,6 +55,12 @@ def test_a_client_that_trusts_the_ca_is_satisfied(folder, host):
     handshake(made.leaf, made.key, made.ca, host)
 
 
+@pytest.mark.parametrize("host", ["fd12:3456::7", "::1"])
+def test_a_client_that_comes_by_ipv6_is_too(folder, host):
+    made = make(folder, names=["fd12:3456::7"])
+    handshake(made.leaf, made.key, made.ca, host)
+
+
 @pytest.mark.parametrize("host", ["192.168.1.21", "elsewhere.local", "example.com"])
 def test_a_client_under_another_name_is_not(folder, host):
     made = make(folder)
@@ -68,7 +74,7 @@ def test_a_client_without_the_ca_is_not(folder, tmp_path):
         handshake(made.leaf, made.key, other.ca, "robot.local")
 
 
-@pytest.mark.parametrize("host", ["example.com", "8.8.8.8"])
+@pytest.mark.parametrize("host", ["example.com", "8.8.8.8", "2001:db8::1"])
 def test_a_stolen_ca_key_speaks_for_no_site_in_the_internet(folder, tmp_path, host):
     """The name constraints: a leaf signed with the very key is refused for what lies outside of them."""
     made = make(folder)
@@ -89,7 +95,7 @@ def test_the_forgery_above_would_work_within_them(folder, tmp_path, host):
 
 
 def forged(ca: x509.Certificate, ca_key: ec.EllipticCurvePrivateKey, key, host: str) -> x509.Certificate:
-    name = x509.IPAddress(IPv4Address(host)) if host[0].isdigit() else x509.DNSName(host)
+    name = x509.IPAddress(ip_address(host)) if host[0].isdigit() else x509.DNSName(host)
     return (
         x509.CertificateBuilder()
         .subject_name(x509.Name([]))
@@ -199,7 +205,7 @@ def test_a_ca_with_the_key_of_another_is_told(folder, tmp_path):
 
 
 def test_names_beyond_the_constraints_are_left_out(folder):
-    made = make(folder, names=["8.8.8.8", "pc.example.com", "::1", "192.168.1.20", "robot.example.com"])
+    made = make(folder, names=["8.8.8.8", "pc.example.com", "2001:db8::1", "192.168.1.20", "robot.example.com"])
     with pytest.raises(ssl.SSLCertVerificationError, match="match"):
         handshake(made.leaf, made.key, made.ca, "pc.example.com")
     handshake(made.leaf, made.key, made.ca, "192.168.1.20")
@@ -211,7 +217,7 @@ def test_names_beyond_the_constraints_are_left_out(folder):
         ("robot.local", 0, None),
         ("ROBOT.local", 0, None),
         ("192.168.1.20", 0, None),
-        ("192.168.1.99", 0, "is for localhost, 127.0.0.1, 192.168.1.20, robot.local, robot, not for 192.168.1.99"),
+        ("192.168.1.99", 0, "is for localhost, 127.0.0.1, ::1, 192.168.1.20, robot.local, robot, not for 192.168.1.99"),
         ("robot.local", LEAF_DAYS + 1, "expired on"),
         ("robot.local", -1, "valid only from"),
     ],
@@ -222,9 +228,22 @@ def test_what_is_wrong_with_a_certificate_is_said_in_words(folder, host, later, 
 
 
 def test_local_addresses_are_private_ones():
-    found = addresses.local_addresses()
+    found = addresses.local_addresses(ipv6=True)
     assert len(found) == len(set(found))
     assert all(address.is_private and not address.is_loopback for address in found)
+    plain = addresses.local_addresses()
+    assert plain == [address for address in found if address.version == 4]
+
+
+def test_ipv6_addresses_of_this_site_only(tmp_path, monkeypatch):
+    """As Linux lists them: link-local, loopback, unique local, global."""
+    table = tmp_path / "if_inet6"
+    rows = ("fe80" + "0" * 27 + "1", "0" * 31 + "1", "fd12" + "0" * 27 + "7", "20010db8" + "0" * 23 + "1")
+    table.write_text("".join(f"{row} 02 40 00 80     eth0\n" for row in rows))
+    monkeypatch.setattr(addresses, "_IPV6_INTERFACES", table)
+    assert [str(one) for one in addresses.local_addresses(ipv6=True) if one.version == 6] == ["fd12::7"]
+    monkeypatch.setattr(addresses, "_IPV6_INTERFACES", tmp_path / "absent")
+    assert all(one.version == 4 for one in addresses.local_addresses(ipv6=True))
 
 
 @pytest.mark.parametrize(
@@ -239,6 +258,8 @@ def test_host_names(monkeypatch, name, names):
 def test_the_token_is_in_the_part_of_the_url_that_is_not_sent():
     assert addresses.page_url("10.0.0.5", 8443, "abc", secure=True) == "https://10.0.0.5:8443/#abc"
     assert addresses.page_url("localhost", 8080, "abc", secure=False).startswith("http://localhost:8080/#")
+    assert addresses.page_url("fd12::7", 8443, "abc", secure=True) == "https://[fd12::7]:8443/#abc"
+    assert addresses.page_url("localhost", 1, "abc", secure=False, path="/emulate") == "http://localhost:1/emulate#abc"
 
 
 def test_the_qr_code_is_readable_text():

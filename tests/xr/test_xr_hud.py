@@ -15,6 +15,7 @@ from ik_client.types import Command, RobotState
 from ik_proto import Status
 from xr_client.hud_board import HudBoard
 from xr_client.messages import hud_message
+from xr_client.stages import Stages
 
 Q = np.zeros(14)
 
@@ -48,15 +49,24 @@ def test_before_the_first_tick():
 
 
 def test_state_reason_residual_latency():
-    board = HudBoard()
-    board.add_stage("headset", lambda: 12.3456)
+    stages = Stages()
+    stages["headset"].add(12.3456)
+    stages["service"].add(0.5)
+    board = HudBoard(stages)
     board.observe(report())
     hud = board.hud()
     assert (hud.left.state, hud.left.position_error_mm) == ("active", 1.0)
     assert hud.left.rotation_error_deg == pytest.approx(0.57)
     assert (hud.right.state, hud.right.reason) == ("disarmed", "not engaged: grip to engage")
     assert hud.right.position_error_mm is None
-    assert hud.latency_ms == {"headset": 12.35, "service": 0.5, "solve": 0.12}
+    assert hud.latency_ms == {
+        "headset": 12.35,
+        "wait": None,
+        "service": 0.5,
+        "command": None,
+        "video": None,
+        "solve": 0.12,
+    }
     assert hud.note == ""
     assert json.loads(hud_message(hud))["type"] == "hud"
 
@@ -93,3 +103,12 @@ def test_what_the_robot_says():
     board.observe(report(measured=None, reason="RobotSilent: no state"))
     assert board.hud().note == "RobotSilent: no state"
     assert not board.robot_ready
+
+
+def test_why_there_is_no_picture_comes_last():
+    board = HudBoard()
+    board.explain_pictures(lambda: "the robot sends no pictures")
+    board.observe(report())
+    assert board.hud().note == "the robot sends no pictures"
+    board.observe(report(measured=None, reason="RobotSilent: no state"))
+    assert board.hud().note == "RobotSilent: no state"

@@ -1,6 +1,7 @@
 """The web server as a browser meets it: real sockets, and clients that stall, lie, or come from elsewhere."""
 
 import asyncio
+import contextlib
 import datetime
 import ssl
 import threading
@@ -12,18 +13,20 @@ import pytest
 from xr_browser import browse, until
 from xr_samples import at, controller, packet
 
+from ik_proto.stereo_packet import StereoFrame, decode_frame
 from xr_client.certificates import ensure_credentials
 from xr_client.door import Door
+from xr_client.listening import ListenError
 from xr_client.messages import ArmHud, Hud
 from xr_client.packets import encode_packet
 from xr_client.pages import Pages
 from xr_client.pose_socket import BAD_IN_A_ROW, HUD_PERIOD, PoseSocket
-from xr_client.server import ListenError, Place, XrServer
+from xr_client.server import LOCAL_RESERVE, MAX_CONNECTIONS, Place, XrServer
 from xr_client.tracker import Tracker
-from xr_client.video_packets import StereoFrame, decode_frame
 from xr_client.video_socket import MAX_PAGES, VideoSocket
 
 TOKEN = "0123456789abcdef"
+HALF = b"GET / HTTP/1.1\r\nHost: a\r\n"
 NOW = datetime.datetime.now(datetime.UTC)
 
 
@@ -40,7 +43,7 @@ class Clock:
 class Rig:
     """A server on a free port of the loopback address, and what it drives."""
 
-    def __init__(self, folder) -> None:
+    def __init__(self, folder, **limits: Any) -> None:
         self.clock = Clock()
         self.tracker = Tracker()
         self.cleared = threading.Event()
@@ -56,7 +59,7 @@ class Rig:
             clock=self.clock,
         )
         self.video = VideoSocket(door, self.clock)
-        self.server = XrServer(Pages(folder, b"certificate"), self.pose, self.video)
+        self.server = XrServer(Pages(folder, b"certificate"), self.pose, self.video, **limits)
 
     def start(self, *others: Place) -> None:
         self.ports = self.server.start(Place("127.0.0.1", 0), *others)
@@ -368,6 +371,72 @@ def test_a_taken_port_is_told_in_words(rig, folder):
     other = Rig(folder)
     with pytest.raises(ListenError, match=f"127.0.0.1:{rig.ports[0]}: another program"):
         other.server.start(Place("127.0.0.1", rig.ports[0]))
+
+
+@pytest.mark.parametrize("requests", [b"", HALF, b"GET /absent HTTP/1.1\r\nHost: a\r\n\r\n" + HALF])
+def test_who_takes_too_long_for_a_request_is_let_go(folder, requests):
+    """No request, half of one, half of a second one."""
+    rig = Rig(folder, patience=0.05)
+    rig.start()
+
+    async def work(_http):
+        reader, writer = await asyncio.open_connection("127.0.0.1", rig.ports[0])
+        writer.write(requests)
+        said = await reader.read()
+        assert said.startswith(b"HTTP/1.1 404" if b"absent" in requests else b"")
+        writer.close()
+
+    try:
+        browse(work)
+    finally:
+        rig.server.stop()
+
+
+def test_a_page_that_is_there_is_not_let_go(folder):
+    rig = Rig(folder, patience=0.05)
+    rig.start()
+
+    async def work(http):
+        async with rig.open(http, "/pose") as ws:
+            for seq in range(30):
+                await ws.send_bytes(sent(seq))
+                await asyncio.sleep(0.01)
+            await until(lambda: rig.tracker.order.accepted == 30)
+
+    try:
+        browse(work)
+    finally:
+        rig.server.stop()
+
+
+def test_there_is_room_for_so_many_and_the_network_takes_none_of_this_machines_places(folder, tmp_path):
+    made = ensure_credentials(tmp_path / "certs", [], [], NOW)
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(made.leaf, made.key)
+    trusting = ssl.create_default_context(cafile=made.ca)
+    rig = Rig(folder)
+    rig.start(Place("127.0.0.1", 0, context))
+
+    async def work(http):
+        crowd = [await asyncio.open_connection("127.0.0.1", rig.ports[0]) for _ in range(MAX_CONNECTIONS)]
+        await until(lambda: len(rig.server._runner.server.connections) == MAX_CONNECTIONS)
+        with pytest.raises(aiohttp.ClientConnectionError):
+            await http.get(f"https://127.0.0.1:{rig.ports[1]}", ssl=trusting)
+        crowd += [await asyncio.open_connection("127.0.0.1", rig.ports[0]) for _ in range(LOCAL_RESERVE - 1)]
+        await until(lambda: len(rig.server._runner.server.connections) == len(crowd))
+        async with http.get(rig.url) as answer:
+            assert answer.status == 200
+            reader, writer = await asyncio.open_connection("127.0.0.1", rig.ports[0])
+            with contextlib.suppress(ConnectionResetError):
+                assert await reader.read() == b""
+            crowd.append((reader, writer))
+        for _, writer in crowd:
+            writer.close()
+
+    try:
+        browse(work)
+    finally:
+        rig.server.stop()
 
 
 def test_over_tls_with_the_private_ca(folder, tmp_path):

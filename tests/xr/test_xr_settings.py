@@ -1,11 +1,12 @@
 """The command's options, its mistakes in one line each, and its schedule."""
 
+import threading
 from functools import partial
 
 import pytest
 
 from ik_client.robot_end import RobotLink
-from xr_client import session
+from xr_client import desktop, session
 from xr_client.cli import EXIT_USAGE, main
 from xr_client.pacer import MAX_BACKLOG, Pacer
 from xr_client.settings import Settings, SettingsError
@@ -20,6 +21,8 @@ from xr_client.settings import Settings, SettingsError
         ({"scale": float("nan")}, "positive"),
         ({"scale": 2.0, "reference": "openwbt"}, "absolute"),
         ({"record": "a", "replay": "b"}, "do not go together"),
+        ({"emulate": True, "replay": "b"}, "needs no headset"),
+        ({"video": "http://127.0.0.1"}, "auto, off, shm:NAME"),
         ({"port": 65536}, "--port 65536"),
         ({"local_port": -1}, "--local-port -1"),
     ],
@@ -48,6 +51,35 @@ def test_a_mistake_is_one_line(arguments, words, capsys, monkeypatch, tmp_path):
     assert said.startswith("ik-xr: ")
     assert words in said
     assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "local_only"),
+    [([], True), (["--port", "9000"], False), (["--host", "::"], False), (["--local-port", "0"], True)],
+)
+def test_an_emulated_headset_needs_no_network_unless_a_port_is_named(arguments, local_only, monkeypatch):
+    asked: list[Settings] = []
+
+    def run(settings, *_, **__):
+        asked.append(settings)
+        raise SettingsError("enough")
+
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    monkeypatch.setattr(session, "run", run)
+    assert main(["--emulate", *arguments]) == EXIT_USAGE
+    assert asked[0].emulate
+    assert asked[0].local_only is local_only
+
+
+@pytest.mark.parametrize(("screen", "opened"), [("", False), (":0", True)])
+def test_a_browser_is_opened_only_where_there_is_a_screen(screen, opened, monkeypatch):
+    there = threading.Event()
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setenv("DISPLAY", screen)
+    monkeypatch.setattr(desktop.sys, "platform", "linux")
+    monkeypatch.setattr(desktop.webbrowser, "open", lambda url: there.set())
+    assert desktop.open_page("http://localhost/") is opened
+    assert there.wait(10.0 if opened else 0.0) is opened
 
 
 class FakeTime:
@@ -82,5 +114,7 @@ def test_a_short_delay_is_made_up_for_and_a_long_one_is_not():
     time.now += 10.0
     pacer.wait()
     assert pacer.moved == 1
+    assert pacer.behind == pytest.approx(10.0 - 0.02 + 0.001, abs=0.021)
+    assert pacer.late == 2
     pacer.wait()
     assert time.now > 10.061 + MAX_BACKLOG / 3
