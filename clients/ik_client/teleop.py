@@ -16,7 +16,8 @@ Each arm has its own gate, grip, states and clutch (`engagement`); both share th
   measured joints: a solver that starts from a sagging arm creeps after it.
 - An arm that holds while the other follows is solved for where it is. Should the answer need it elsewhere, to keep the
   two apart, the other arm waits.
-- The measured waist, and the elbow directions and weights a tracker gives, go with every solve.
+- The measured waist without its swing (`steady_waist`), and the elbow directions and weights a tracker gives, go with
+  every solve.
 - The feed-forward torque advances by the same fraction of its way as the joints of its arm, and is held with them.
 - Only a first tick that cannot read the robot raises: there is nothing to hold yet.
 
@@ -38,6 +39,7 @@ from ik_client.resting_wrists import RestingWrists
 from ik_client.robot_watch import RobotWatch
 from ik_client.service_watch import ServiceWatch
 from ik_client.state_machine import ArmState
+from ik_client.steady_waist import SteadyWaist
 from ik_client.tick import NO_HANDS, Hold, Tick, is_finite, is_silence, one_line, usable
 from ik_client.tick_report import Seed, TickReport
 from ik_client.types import Command, HandSource, Kinematics, Limiter, RobotPort, RobotState
@@ -110,6 +112,7 @@ class TeleopLoop:
         self._service = ServiceWatch()
         self._robot = RobotWatch()
         self._wrists = RestingWrists(self._fk)
+        self._waist = SteadyWaist()
         checks = isinstance(limiter, JointLimiter) and collision in (None, "avoid")
         self._way = ClearWay(limiter, self._clearance) if checks else None
         self._last: Command | None = None
@@ -184,7 +187,7 @@ class TeleopLoop:
             measured = tick.measured or self._port.read()
             usable(measured.q, n, "the measured joints")
             usable(measured.dq, n, "the measured velocities")
-            tick.measured = measured
+            tick.measured, tick.waist = measured, self._waist.update(measured.waist, tick.time)
         except Exception as error:  # whatever a driver raises, the robot must be told to hold in this very tick
             tick.measured = None
             return tick.note(error)
@@ -201,13 +204,12 @@ class TeleopLoop:
         trouble = self._robot.trouble() or self._service.trouble(tick.time)
         revoked = self._robot.revoked(tick.time) or self._service.revoked()
         clear, self._clear = self._clear, False
-        waist = tick.measured.waist if tick.measured else None
 
         def step(side: int, hand) -> ArmStep:
             return self._arms[side].step(
                 hand,
                 tick.time,
-                wrist=lambda: self._wrists.at(self._resting_point(last), waist)[side],
+                wrist=lambda: self._wrists.at(self._resting_point(last), tick.waist)[side],
                 aligned=tick.measured is not None and aligned(last.q, tick.measured.q, side, ALIGNMENT),
                 trouble=trouble,
                 revoked=revoked,
@@ -247,7 +249,7 @@ class TeleopLoop:
         targets, rest = [step.target for step in steps], last.q
         if any(target is None for target in targets):
             rest = self._resting_point(last)
-            held = self._wrists.at(rest, measured.waist)
+            held = self._wrists.at(rest, tick.waist)
             targets = [held[side] if target is None else target for side, target in enumerate(targets)]
         reply = tick.reply = self._solve(tick, targets, measured, last)
         try:
@@ -281,7 +283,7 @@ class TeleopLoop:
                     targets[1],
                     last.q if agrees else measured.q,
                     measured.dq,
-                    waist=measured.waist,
+                    waist=tick.waist,
                     left_elbow=tick.hands.left_elbow,
                     right_elbow=tick.hands.right_elbow,
                     weights=tick.hands.weights,

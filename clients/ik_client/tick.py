@@ -21,6 +21,7 @@ class Tick:
     Attributes:
         time: When it began [s].
         measured: What the robot measured; None where it could not be read.
+        waist: Where its waist stands, without its swing, shape (w,) [rad]; None where it stays straight.
         hands: What the tracker saw.
         reply: The service's answer.
         round_trip: How long the solve call took [s].
@@ -33,6 +34,7 @@ class Tick:
         """Begin to learn."""
         self.time = now
         self.measured: RobotState | None = None
+        self.waist: Array | None = None
         self.hands = NO_HANDS
         self.reply: SolveReply | None = None
         self.round_trip: float | None = None
