@@ -6,7 +6,8 @@ import shlex
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,30 @@ def run(*command: Any, cwd: Path) -> None:
     assert result.returncode == 0, f"{command}: {result.stdout[-2000:]}{result.stderr[-2000:]}"
 
 
+@contextmanager
+def listening(*command: Any, log: Path) -> Generator[dict[str, Any]]:
+    """A program that runs until it is asked to end: the line with which it says that it listens; it must end well."""
+    with (
+        log.open("w") as errors,
+        subprocess.Popen([str(part) for part in command], stdout=subprocess.PIPE, stderr=errors, text=True) as process,
+    ):
+        assert process.stdout is not None
+        try:
+            line = process.stdout.readline()
+            assert line, log.read_text()
+            yield json.loads(line)
+            process.terminate()
+            process.communicate(timeout=60)
+            assert process.returncode == 0, log.read_text()
+        finally:
+            process.kill()
+
+
+def robot(folder: Path) -> AbstractContextManager[dict[str, Any]]:
+    """`ik-sim --listen` as the pages have it, but at a free port."""
+    return listening(BIN / "ik-sim", "--listen", "127.0.0.1:0", "--headless", log=folder / "robot.log")
+
+
 @pytest.mark.timeout(400)
 @pytest.mark.parametrize("command", commands())
 def test_a_documented_command_works(command: str, service_process: Any, tmp_path: Path) -> None:
@@ -65,6 +90,22 @@ def test_a_documented_command_works(command: str, service_process: Any, tmp_path
             assert (tmp_path / "out" / "demo" / "report.json").is_file()
         case "ik-load":
             run(BIN / program, *rest, cwd=tmp_path)
+        case "ik-sim" if "--listen" in rest:
+            with robot(tmp_path):
+                pass
+        case "ik-xr":
+            with robot(tmp_path) as ready:
+                free = (
+                    "--service",
+                    service_process.tcp_url,
+                    "--robot",
+                    f"tcp://{ready['listen']}",
+                    "--local-port",
+                    "0",
+                )
+                port = () if "--emulate" in rest else ("--port", "0", "--certificates", str(tmp_path / "certificates"))
+                with listening(BIN / program, *rest, *free, *port, log=tmp_path / "xr.log") as page:
+                    assert page["emulator" if "--emulate" in rest else "pages"]
         case "ik-sim":
             run(BIN / program, service_process.tcp_url, *rest, cwd=tmp_path)
         case "ik-service":

@@ -20,7 +20,7 @@ AHEAD = (0.0, 1.6, -2.0)
 """The middle of the screen for a head that stands and looks ahead."""
 RED, BLUE, WHITE = "rgb(200 0 0)", "rgb(0 0 200)", "rgb(200 200 200)"
 FINE = {"open": True, "reason": "", "fps": 30.0, "shownMs": 10.0}
-LINKED = {"open": True, "reason": "", "roundTripMs": 2.0}
+LINKED = {"open": True, "reason": ""}
 
 
 class Rig:

@@ -70,7 +70,7 @@ def test_the_panel_shows_distance_warning_note_and_latencies(used_rig):
 
 
 def test_without_a_connection_nothing_old_is_shown(used_rig):
-    closed = {"open": False, "reason": "ik-xr has ended", "roundTripMs": 3.0}
+    closed = {"open": False, "reason": "ik-xr has ended"}
     said = words(used_rig, hud(arm("active"), headset=12.0), link=closed)
     assert [shown["state"] for shown in said["arms"]] == ["not known", "not known"]
     assert said["note"] == {"text": "no connection to ik-xr: ik-xr has ended", "tone": "bad"}

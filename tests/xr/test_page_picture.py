@@ -167,7 +167,7 @@ def test_text_is_drawn_when_it_changes_and_ten_times_a_second_at_most(rig):
             for (let i = 0; i < 60; i++) {
               rig.now += 20;
               change(i);
-              rig.stage.hud({ hud, link: { open: true, reason: "", roundTripMs: 1 }, video: null });
+              rig.stage.hud({ hud, link: { open: true, reason: "" }, video: null });
               rig.draw();
             }
             return cleared;

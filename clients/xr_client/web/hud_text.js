@@ -13,7 +13,7 @@ export const OLD = 1000;
 /**
  * @typedef {object} HudState
  * @property {object|null} hud The server's latest `hud` message; null before the first.
- * @property {{open: boolean, reason: string, roundTripMs: number|null}|null} link The pose socket.
+ * @property {{open: boolean, reason: string}|null} link The pose socket.
  * @property {{open: boolean, reason: string, fps: number, shownMs: number|null}|null} video The video socket.
  */
 
@@ -103,16 +103,13 @@ function noteText(hud, link) {
   return { text: hud.note, tone: "wait" };
 }
 
-function footerText(hud, link, video) {
+function footerText(hud, video) {
   const parts = [];
   for (const [stage, name] of Object.entries(STAGES)) {
     const latency = hud?.latency_ms[stage];
     if (typeof latency === "number") {
       parts.push(`${name} ${readable(latency)}`);
     }
-  }
-  if (parts.length === 0 && link?.open && typeof link.roundTripMs === "number") {
-    parts.push(`network ${readable(link.roundTripMs)}`);
   }
   if (video?.open && video.fps > 0) {
     parts.push(`${Math.round(video.fps)} images/s`);
