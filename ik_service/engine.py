@@ -13,6 +13,8 @@ from ik_service.kernel import load_kernel
 from ik_service.preset import Preset
 from ik_service.robot import Robot
 from ik_service.solver import Solution, Solver
+from ik_service.velocity import RateControl
+from ik_service.velocity_kernel import VelocityLoader
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +26,7 @@ class Engine:
         solvers: One for each preset, by name.
         gauge: Measures joint positions that no solver found.
         about: The answer to `info`.
+        rate_control: Turns twists into joint velocities.
         collision: What requests that do not say get: "off", "report" or "avoid".
         kernel_note: Why the kernel is not what one would expect; empty when it is.
     """
@@ -32,6 +35,7 @@ class Engine:
     solvers: dict[str, Solver]
     gauge: Gauge
     about: InfoReply
+    rate_control: RateControl
     collision: Collision = "avoid"
     kernel_note: str = ""
 
@@ -64,6 +68,7 @@ class Engine:
             {preset.name: Solver(robot, kernel, preset) for preset in presets},
             Gauge(robot, kernel),
             _about(description, robot, default, kernel.kind, boot_id, version),
+            RateControl(VelocityLoader(robot, compiled=kernel.kind == "c")),
             config.collision,
             kernel.note,
         )
@@ -76,6 +81,7 @@ class Engine:
             robot=robot,
             solvers={name: Solver(robot, solver.kernel, solver.preset) for name, solver in self.solvers.items()},
             gauge=self.gauge.copy(),
+            rate_control=self.rate_control.copy(),
         )
 
     def warm_up(self) -> None:

@@ -106,7 +106,7 @@ class Inputs:
         request, options = ca.MX.sym("request", layout.request), ca.MX.sym("options", layout.options)
         q, T_left, T_right = ca.vertsplit(request, [0, nq, nq + 16, nq + 32])
         waist, left_options, right_options, shared, collision = ca.vertsplit(options, layout.option_cuts)
-        R, p, base_ends, gravity = _mount(robot)(waist)
+        R, p, base_ends, gravity = mount(robot)(waist)
         per_arm = zip(arms, (q[:split], q[split:]), (T_left, T_right), (left_options, right_options), strict=True)
         problems = [arm.problem(part, T, own, shared, R, p) for arm, part, T, own in per_arm]
 
@@ -131,7 +131,7 @@ def report_of(reports: list[ca.MX], state: list[ca.MX]) -> ca.MX:
     return ca.vertcat(*pairs, iterations_l + iterations_r, *state)
 
 
-def _mount(robot: Robot) -> ca.Function:
+def mount(robot: Robot) -> ca.Function:
     """Waist joints -> (R, p, ends of the base's capsules, gravity), the last two as the arms see them."""
     waist = ca.SX.sym("waist", len(robot.waist.joint_names))
     R, p = waist_motion(robot.waist, waist)

@@ -28,6 +28,8 @@ from ik_proto import (
     SolveReply,
     SolveRequest,
     Status,
+    VelocityReply,
+    VelocityRequest,
     gravest,
     parse_request,
     reply_document,
@@ -65,6 +67,12 @@ class Service:
         self._boot_id = engine.about.boot_id
         self._nq = engine.robot.nq
         self._n_waist = len(engine.robot.waist.joint_names)
+        self._slowest_motor = float(np.min(engine.about.velocity))
+
+    @property
+    def velocity_takes_long(self) -> bool:
+        """Whether answering a `velocity` begins with loading what answers it."""
+        return not self._engine.rate_control.ready
 
     def handle_bytes(self, body: bytes, codec: Codec, smoothing: WeightedMovingFilter | None = None) -> bytes:
         """Answer an encoded request. Never raises.
@@ -178,6 +186,8 @@ class Service:
                 )
             case ClearanceRequest():
                 return self._clearance(request)
+            case VelocityRequest():
+                return self._velocity(request, started)
             case InfoRequest():
                 return replace(self._engine.about, id=request.id)
 
@@ -191,6 +201,47 @@ class Service:
             boot_id=self._boot_id,
             clearance=clearance if nearest else None,
             nearest=nearest,
+        )
+
+    def _velocity(self, request: VelocityRequest, started: float) -> VelocityReply:
+        control = self._engine.rate_control.get()
+        before = self._clock()
+        found = control.solve(
+            request.left_twist,
+            request.right_twist,
+            request.q,
+            request.dq,
+            frame=request.frame,
+            law=request.law,
+            hold=(request.hold_left, request.hold_right),
+            damping=request.damping,
+            max_speed=min(request.max_speed, self._slowest_motor),
+            max_acceleration=request.max_acceleration,
+            period=request.period,
+            posture=request.posture,
+            posture_gain=request.posture_gain,
+            left_bounds=request.left_bounds,
+            right_bounds=request.right_bounds,
+            collision=request.collision or self._engine.collision,
+            waist=request.waist,
+        )
+        after = self._clock()
+        return VelocityReply(
+            success=True,
+            error="",
+            status=Status.OK,
+            id=request.id,
+            boot_id=self._boot_id,
+            dq=found.dq,
+            twists=found.twists,
+            manipulability=found.manipulability,
+            damping=found.damping,
+            limited_by=found.limited_by,
+            limiting_joint=found.limiting_joint,
+            clearance=found.clearance if found.nearest else None,
+            nearest=found.nearest,
+            solve_us=(after - before) * 1e6,
+            server_us=(after - started) * 1e6,
         )
 
     def _solve(self, request: SolveRequest, started: float, smoothing: WeightedMovingFilter | None) -> SolveReply:
@@ -298,7 +349,7 @@ class Service:
 
 def _echo(request: Request | None) -> np.ndarray | None:
     """The joint positions that the reply to a failed request gives back; that of a batch has no room for them."""
-    return request.q if isinstance(request, SolveRequest | FkRequest) else None
+    return request.q if isinstance(request, SolveRequest | FkRequest | VelocityRequest) else None
 
 
 def _unsupported(request: SolveRequest | SolveBatchRequest, message: str) -> RequestError:

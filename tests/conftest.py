@@ -122,6 +122,19 @@ def kernel_cache(run_folder: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
+def velocity_kernel_cache(kernel_cache: Path, run_folder: Path) -> Path:
+    """The same folder, with the compiled rate control of the G1 in it as well."""
+    from ik_proto.robots import load_description
+    from ik_service.robot import Robot
+    from ik_service.velocity_kernel import load_velocity_kernel
+
+    with (run_folder / "velocity.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        load_velocity_kernel(Robot.load(load_description("g1")), folder=kernel_cache)
+    return kernel_cache
+
+
+@pytest.fixture(scope="session")
 def _starter(kernel_cache: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[StartService]:
     started: list[ServiceProcess] = []
     logs = tmp_path_factory.mktemp("logs")

@@ -37,12 +37,15 @@ from ik_proto import (
     SolveReply,
     SolveRequest,
     Status,
+    VelocityReply,
+    VelocityRequest,
     parse_batch_reply,
     parse_clearance_reply,
     parse_fk_reply,
     parse_info_reply,
     parse_request,
     parse_solve_reply,
+    parse_velocity_reply,
     reply_document,
     request_document,
 )
@@ -297,6 +300,8 @@ def _reply_kind(request: Request | None, document: Document) -> tuple[str, Any]:
             return "clearance_reply", partial(parse_clearance_reply, rows=len(request.q))
         case InfoRequest():
             return "info_reply", parse_info_reply
+        case VelocityRequest():
+            return "velocity_reply", _velocity_reply
         case _:
             return "solve_reply", _READERS["solve_reply"]
 
@@ -313,12 +318,17 @@ def _clearance_reply(document: Document) -> ClearanceReply:
     return parse_clearance_reply(document, ROWS)
 
 
+def _velocity_reply(document: Document) -> VelocityReply:
+    return parse_velocity_reply(document, N)
+
+
 _READERS: dict[str, Any] = {
     "solve_reply": _solve_reply,
     "batch_reply": _batch_reply,
     "fk_reply": parse_fk_reply,
     "clearance_reply": _clearance_reply,
     "info_reply": parse_info_reply,
+    "velocity_reply": _velocity_reply,
 }
 _VALIDATORS = {
     kind: jsonschema.Draft202012Validator({"$defs": _SCHEMA["$defs"], "$ref": f"#/$defs/{kind}"})

@@ -34,8 +34,10 @@ from ik_proto import (
     Document,
     FkReply,
     FkRequest,
+    Frame,
     InfoReply,
     InfoRequest,
+    Law,
     Mode,
     ProtocolError,
     Reply,
@@ -45,14 +47,26 @@ from ik_proto import (
     SolveReply,
     SolveRequest,
     Status,
+    VelocityReply,
+    VelocityRequest,
     parse_batch_reply,
     parse_clearance_reply,
     parse_fk_reply,
     parse_info_reply,
     parse_solve_reply,
+    parse_velocity_reply,
     request_document,
 )
-from ik_proto.limits import DEFAULT_STARTS, MAX_BUDGET_MS, MAX_STREAM_CHARACTERS
+from ik_proto.limits import (
+    DEFAULT_ACCELERATION,
+    DEFAULT_DAMPING,
+    DEFAULT_PERIOD,
+    DEFAULT_POSTURE_GAIN,
+    DEFAULT_SPEED,
+    DEFAULT_STARTS,
+    MAX_BUDGET_MS,
+    MAX_STREAM_CHARACTERS,
+)
 
 _CLIENT_AT_FAULT = frozenset({Status.BAD_REQUEST, Status.UNSUPPORTED})
 _RETRY_PAUSE = 0.05
@@ -317,6 +331,88 @@ class IKClient:
             ClearanceReply,
             lambda document: parse_clearance_reply(document, rows),
             self.timeout,
+        )
+
+    def velocity(
+        self,
+        left_twist: Array,
+        right_twist: Array,
+        q: Array,
+        dq: Array | None = None,
+        *,
+        frame: Frame = "pelvis",
+        law: Law = "adaptive",
+        hold: tuple[bool, bool] = (True, True),
+        damping: float = DEFAULT_DAMPING,
+        max_speed: float = DEFAULT_SPEED,
+        max_acceleration: float = DEFAULT_ACCELERATION,
+        period: float = DEFAULT_PERIOD,
+        posture: Array | None = None,
+        posture_gain: float = DEFAULT_POSTURE_GAIN,
+        left_bounds: Array | None = None,
+        right_bounds: Array | None = None,
+        waist: Array | None = None,
+        collision: Collision | None = None,
+    ) -> VelocityReply:
+        """Find the joint velocities that give both wrists their twists, as far as nothing limits them.
+
+        The very first call may time out: the service loads what answers it, and goes on meanwhile.
+
+        Args:
+            left_twist: Linear [m/s] and angular velocity [rad/s] of the left wrist, shape (6,); shape (3,) for the
+                linear velocity with no rotation wanted.
+            right_twist: The same of the right wrist.
+            q: Joint positions, shape (n,) [rad].
+            dq: Joint velocities as last commanded, shape (n,) [rad/s]; without them the acceleration is not bounded.
+            frame: "pelvis", or "hand" for twists along the axes of each hand.
+            law: "adaptive", or "fixed" for the damped pseudoinverse with the orientation left free.
+            hold: Whether the orientation of the left and of the right hand is controlled; else it is left free.
+            damping: Of the fixed law, and the largest of the adaptive one.
+            max_speed: Largest speed of a joint [rad/s].
+            max_acceleration: Largest change of a joint's speed [rad/s^2].
+            period: Time until the next call [s].
+            posture: Joint positions to lean towards where the hands leave the choice, shape (n,) [rad].
+            posture_gain: Share of the way there that is made in a second [1/s].
+            left_bounds: Smallest and largest coordinates of the left wrist in the pelvis frame, shape (2, 3) [m].
+            right_bounds: The same of the right wrist.
+            waist: Measured waist joints, shape (w,) [rad]; zero where not given.
+            collision: As in `solve`.
+
+        Returns:
+            The velocities, and what limits them. Without an answer, slow down to zero.
+
+        Raises:
+            IKError: As `solve`.
+        """
+        n, n_waist = self._joints(size(q), size(waist))
+        request = VelocityRequest(
+            left_twist,
+            right_twist,
+            q,
+            dq,
+            next(self._ids),
+            frame,
+            law,
+            *hold,
+            damping,
+            max_speed,
+            max_acceleration,
+            period,
+            posture,
+            posture_gain,
+            left_bounds,
+            right_bounds,
+            waist,
+            collision,
+        )
+        return self._call(
+            request,
+            n,
+            n_waist,
+            VelocityReply,
+            lambda document: parse_velocity_reply(document, n),
+            self.timeout,
+            self._envelope(self.timeout),
         )
 
     def info(self) -> InfoReply:

@@ -10,6 +10,8 @@ from ik_proto.framing import FrameDecoder, encode_frame
 from ik_proto.limits import MAX_BATCH, MAX_FRAME_BYTES, MAX_POSTURES, MAX_STARTS, PROTOCOL_VERSION
 from ik_proto.messages import (
     COLLISIONS,
+    FRAMES,
+    LAWS,
     MODES,
     Array,
     BatchReply,
@@ -19,14 +21,19 @@ from ik_proto.messages import (
     Document,
     FkReply,
     FkRequest,
+    Frame,
     InfoReply,
     InfoRequest,
+    Law,
+    LimitedBy,
     Mode,
     Reply,
     Request,
     SolveBatchRequest,
     SolveReply,
     SolveRequest,
+    VelocityReply,
+    VelocityRequest,
 )
 from ik_proto.replies import (
     parse_batch_reply,
@@ -38,11 +45,14 @@ from ik_proto.replies import (
 )
 from ik_proto.requests import parse_request, request_document
 from ik_proto.status import ANSWERS, STATUS_TABLE, Status, StatusInfo, gravest
+from ik_proto.velocities import parse_velocity_reply
 
 __all__ = [
     "ANSWERS",
     "COLLISIONS",
+    "FRAMES",
     "JSON",
+    "LAWS",
     "MAX_BATCH",
     "MAX_FRAME_BYTES",
     "MAX_POSTURES",
@@ -62,10 +72,13 @@ __all__ = [
     "Envelope",
     "FkReply",
     "FkRequest",
+    "Frame",
     "FrameDecoder",
     "FrameTooLarge",
     "InfoReply",
     "InfoRequest",
+    "Law",
+    "LimitedBy",
     "Mode",
     "ProtocolError",
     "Reply",
@@ -77,6 +90,8 @@ __all__ = [
     "SolveRequest",
     "Status",
     "StatusInfo",
+    "VelocityReply",
+    "VelocityRequest",
     "encode_frame",
     "gravest",
     "parse_batch_reply",
@@ -85,6 +100,7 @@ __all__ = [
     "parse_info_reply",
     "parse_request",
     "parse_solve_reply",
+    "parse_velocity_reply",
     "read_envelope",
     "reply_document",
     "request_document",

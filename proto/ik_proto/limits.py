@@ -18,6 +18,25 @@ MAX_STARTS = 256
 DEFAULT_STARTS = 128
 """Starts an arm is given in mode `reach` where a request does not say."""
 
+DEFAULT_DAMPING = 0.05
+"""Damping of a `velocity` where a request does not say."""
+
+DEFAULT_SPEED = 1.5
+"""Largest speed of a joint in a `velocity` where a request does not say [rad/s]."""
+
+DEFAULT_ACCELERATION = 12.0
+"""Largest acceleration of a joint in a `velocity` where a request does not say [rad/s^2]: full speed in an eighth of a
+second."""
+
+DEFAULT_PERIOD = 0.02
+"""Time from one `velocity` of a control loop to the next where a request does not say [s]."""
+
+DEFAULT_POSTURE_GAIN = 0.5
+"""Share of the way to the posture that is made in a second where a `velocity` does not say [1/s]."""
+
+MAX_TWIST = 100.0
+"""Largest norm of a twist, in metres and radians a second."""
+
 MAX_ID = 2**53 - 1
 """Largest request id: the integers a JSON number carries exactly (RFC 8259, section 6)."""
 

@@ -13,7 +13,14 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ik_proto.limits import DEFAULT_STARTS
+from ik_proto.limits import (
+    DEFAULT_ACCELERATION,
+    DEFAULT_DAMPING,
+    DEFAULT_PERIOD,
+    DEFAULT_POSTURE_GAIN,
+    DEFAULT_SPEED,
+    DEFAULT_STARTS,
+)
 from ik_proto.status import Status
 
 Array = NDArray[np.float64]
@@ -25,6 +32,18 @@ MODES: tuple[Mode, ...] = get_args(Mode)
 Collision = Literal["off", "report", "avoid"]
 """What to do about self-collision: nothing, measure the clearance, or keep it."""
 COLLISIONS: tuple[Collision, ...] = get_args(Collision)
+
+Frame = Literal["pelvis", "hand"]
+"""Along whose axes a twist is given: the pelvis frame's, or each hand's own."""
+FRAMES: tuple[Frame, ...] = get_args(Frame)
+
+Law = Literal["adaptive", "fixed"]
+"""How twists become joint velocities: exactly, damped only near singular postures, or always damped."""
+LAWS: tuple[Law, ...] = get_args(Law)
+
+LimitedBy = Literal["", "speed", "acceleration", "joint", "bounds", "singularity", "collision"]
+"""What slows an arm: its largest speed or acceleration, the limit of a joint, the box, its posture, the body."""
+LIMITS: tuple[LimitedBy, ...] = get_args(LimitedBy)
 
 
 @dataclass(slots=True, eq=False)
@@ -130,6 +149,54 @@ class ClearanceRequest:
     waist: Array | None = None
 
 
+@dataclass(slots=True, eq=False)
+class VelocityRequest:
+    """Ask for the joint velocities that give both wrists their twists.
+
+    Attributes:
+        left_twist: Linear velocity of the left wrist [m/s] and its angular velocity [rad/s], shape (6,); or the linear
+            velocity alone, shape (3,), with no rotation wanted.
+        right_twist: The same of the right wrist.
+        q: Joint positions, shape (n,) [rad].
+        dq: Joint velocities as last commanded, shape (n,) [rad/s]; None leaves the acceleration unbounded.
+        id: Echoed in the reply.
+        frame: Along whose axes the twists are given.
+        law: How twists become joint velocities.
+        hold_left: Whether the angular velocity of the left hand counts; else its orientation is left free.
+        hold_right: The same of the right hand.
+        damping: Damping of the fixed law, and the largest of the adaptive one.
+        max_speed: Largest speed of a joint [rad/s].
+        max_acceleration: Largest change of a joint's speed [rad/s^2].
+        period: Time until the next request [s].
+        posture: Joint positions to lean towards, shape (n,) [rad]; None for the middle between the limits.
+        posture_gain: Share of the way there that is made in a second [1/s].
+        left_bounds: Smallest and largest coordinates of the left wrist, shape (2, 3) [m]; None for no bounds.
+        right_bounds: The same of the right wrist.
+        waist: Measured waist joints, shape (w,) [rad]; None for a straight waist.
+        collision: What to do about self-collision; None takes the service's default.
+    """
+
+    left_twist: Array
+    right_twist: Array
+    q: Array
+    dq: Array | None = None
+    id: int = 0
+    frame: Frame = "pelvis"
+    law: Law = "adaptive"
+    hold_left: bool = True
+    hold_right: bool = True
+    damping: float = DEFAULT_DAMPING
+    max_speed: float = DEFAULT_SPEED
+    max_acceleration: float = DEFAULT_ACCELERATION
+    period: float = DEFAULT_PERIOD
+    posture: Array | None = None
+    posture_gain: float = DEFAULT_POSTURE_GAIN
+    left_bounds: Array | None = None
+    right_bounds: Array | None = None
+    waist: Array | None = None
+    collision: Collision | None = None
+
+
 @dataclass(slots=True)
 class InfoRequest:
     """Ask who answers: protocol, robot, joint order, limits, presets.
@@ -141,7 +208,7 @@ class InfoRequest:
     id: int = 0
 
 
-Request = SolveRequest | SolveBatchRequest | FkRequest | ClearanceRequest | InfoRequest
+Request = SolveRequest | SolveBatchRequest | FkRequest | ClearanceRequest | VelocityRequest | InfoRequest
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -254,6 +321,36 @@ class ClearanceReply(Reply):
 
     clearance: Array | None
     nearest: tuple[str, str] | None
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class VelocityReply(Reply):
+    """Joint velocities, and what they are worth. Pairs are left, right.
+
+    Attributes:
+        dq: Joint velocities, shape (n,) [rad/s].
+        twists: What they make of the wrists in the request's frame, linear [m/s] and angular [rad/s], shape (2, 6).
+        manipulability: sqrt(det(J J^T)) of the whole twist, or of its linear part where that alone counts, shape (2,)
+            [m^3].
+        damping: Damping that was used, zero where none was needed, shape (2,).
+        limited_by: What slowed each arm the most; empty for nothing.
+        limiting_joint: The joint at its limit or its largest speed, where that is what slowed the arm; else None.
+        clearance: Smallest distance between two capsules of any pair checked at `q` [m]; None where not measured.
+        nearest: Names of the two capsules it is between; None as `clearance`.
+        solve_us: Time spent solving [us].
+        server_us: Time from the request's bytes to its solution [us].
+    """
+
+    dq: Array
+    twists: Array
+    manipulability: Array
+    damping: Array
+    limited_by: tuple[LimitedBy, LimitedBy]
+    limiting_joint: tuple[str | None, str | None]
+    clearance: float | None = None
+    nearest: tuple[str, str] | None = None
+    solve_us: float = 0.0
+    server_us: float = 0.0
 
 
 @dataclass(slots=True, eq=False, kw_only=True)

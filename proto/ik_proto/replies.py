@@ -7,10 +7,12 @@ read two of them and ignore the rest. A client of ours checks what it gets as st
 from typing import Any
 
 from ik_proto.errors import ReplyError
-from ik_proto.fields import read_array, read_id, read_integer, read_number, read_text
+from ik_proto.fields import read_array, read_integer, read_number, read_text
 from ik_proto.limits import MAX_ID
-from ik_proto.messages import BatchReply, ClearanceReply, Document, FkReply, InfoReply, Reply, SolveReply
+from ik_proto.messages import BatchReply, ClearanceReply, Document, FkReply, InfoReply, Reply, SolveReply, VelocityReply
+from ik_proto.reply_head import STATUSES, read_head, read_pair
 from ik_proto.status import ANSWERS, Status, gravest
+from ik_proto.velocities import velocity_reply_fields
 
 
 def reply_document(reply: Reply) -> Document:
@@ -55,14 +57,14 @@ def reply_document(reply: Reply) -> Document:
         case ClearanceReply():
             head["clearance"] = reply.clearance
             head["nearest"] = reply.nearest
+        case VelocityReply():
+            head |= velocity_reply_fields(reply)
         case InfoReply():
             head |= {name: getattr(reply, name) for name in _INFO_FIELDS}
     return head
 
 
 _NOTHING: dict[str, Any] = {}
-
-_STATUSES = {status.value: status for status in Status}
 
 _BATCH_FIELDS = (
     "statuses",
@@ -111,7 +113,7 @@ def parse_solve_reply(document: Document, n: int) -> SolveReply:
         ReplyError: A required field is missing or wrong.
     """
     try:
-        head = _head(document)
+        head = read_head(document)
         success = head["success"]
         return SolveReply(
             **head,
@@ -143,7 +145,7 @@ def parse_batch_reply(document: Document, rows: int, n: int) -> BatchReply:
         ReplyError: A required field is missing or wrong.
     """
     try:
-        head = _head(document)
+        head = read_head(document)
         statuses = _read_statuses(document, rows)
         if head["status"] is not gravest(statuses):
             raise ValueError(f"status {head['status']} is not the gravest of its rows")
@@ -172,7 +174,7 @@ def parse_fk_reply(document: Document) -> FkReply:
     """
     try:
         return FkReply(
-            **_head(document),
+            **read_head(document),
             left_wrist=read_array(document, "left_wrist", (4, 4)),
             right_wrist=read_array(document, "right_wrist", (4, 4)),
         )
@@ -196,9 +198,9 @@ def parse_clearance_reply(document: Document, rows: int) -> ClearanceReply:
     try:
         measured = document.get("clearance") is not None
         return ClearanceReply(
-            **_head(document),
+            **read_head(document),
             clearance=read_array(document, "clearance", (rows,)) if measured else None,
-            nearest=_read_pair(document) if measured else None,
+            nearest=read_pair(document) if measured else None,
         )
     except ValueError as error:
         raise ReplyError(f"clearance reply: {error}") from None
@@ -214,7 +216,7 @@ def parse_info_reply(document: Document) -> InfoReply:
         joint_names = _read_names(document, "joint_names")
         n = len(joint_names)
         return InfoReply(
-            **_head(document),
+            **read_head(document),
             protocol=read_integer(document, "protocol", 0, MAX_ID),
             version=read_text(document, "version"),
             robot=read_text(document, "robot"),
@@ -237,41 +239,16 @@ def parse_info_reply(document: Document) -> InfoReply:
         raise ReplyError(f"info reply: {error}") from None
 
 
-def _head(document: Document) -> dict[str, Any]:
-    success = document.get("success")
-    if not isinstance(success, bool):
-        raise ValueError("success must be true or false")
-    status = read_text(document, "status")
-    if status not in _STATUSES:
-        raise ValueError(f"status {status[:40]!r} is unknown")
-    if _STATUSES[status].success is not success:
-        raise ValueError(f"status {status} contradicts success {success}")
-    return {
-        "success": success,
-        "error": read_text(document, "error_msg"),
-        "status": _STATUSES[status],
-        "id": read_id(document),
-        "boot_id": read_text(document, "boot_id"),
-    }
-
-
 def _read_optional(document: Document) -> dict[str, Any]:
     """What the answer to a solve says where it was looked at."""
     read: dict[str, Any] = {}
     if document.get("clearance") is not None:
         read["clearance"] = read_number(document, "clearance")
-        read["nearest"] = _read_pair(document)
+        read["nearest"] = read_pair(document)
     if document.get("start") is not None:
         read["start"] = read_integer(document, "start", 0, MAX_ID)
         read["starts"] = read_integer(document, "starts", 0, MAX_ID)
     return read
-
-
-def _read_pair(document: Document) -> tuple[str, str]:
-    names = document.get("nearest")
-    if not isinstance(names, list) or [type(name) for name in names] != [str, str]:
-        raise ValueError("nearest must be two names")
-    return names[0], names[1]
 
 
 def _read_statuses(document: Document, rows: int) -> list[Status]:
@@ -280,7 +257,7 @@ def _read_statuses(document: Document, rows: int) -> list[Status]:
         raise ValueError(f"statuses must be a list of {rows} words")
     if not all(word in ANSWERS for word in words):
         raise ValueError(f"statuses must be {', '.join(ANSWERS)}")
-    return [_STATUSES[word] for word in words]
+    return [STATUSES[word] for word in words]
 
 
 def _read_starts(document: Document, rows: int) -> list[int]:

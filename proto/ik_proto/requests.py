@@ -26,9 +26,12 @@ from ik_proto.messages import (
     Request,
     SolveBatchRequest,
     SolveRequest,
+    VelocityRequest,
 )
 from ik_proto.pose import EXACT, PoseError, as_pose, deviation, projected
 from ik_proto.status import Status
+from ik_proto.velocities import FIELDS as _VELOCITY
+from ik_proto.velocities import parse_velocity, velocity_fields
 
 _COMMON = frozenset({"verb", "id", "v"})
 _PLAIN_SOLVE = _COMMON | {"left_wrist", "right_wrist", "q", "dq", "preset"}
@@ -40,6 +43,7 @@ _FIELDS = {
         "solve_batch": _SOLVE,
         "fk": _COMMON | {"q", "waist"},
         "clearance": _COMMON | {"q", "waist"},
+        "velocity": _COMMON | _VELOCITY,
         "info": _COMMON,
     }.items()
 }
@@ -93,6 +97,8 @@ def _parse(document: Document, n: int, n_waist: int) -> Request:
         return parse_batch(document, n, n_waist)
     if verb == "clearance":
         return parse_postures(document, n, n_waist)
+    if verb == "velocity":
+        return parse_velocity(document, n, n_waist)
     q = read_array(document, "q", (n,), MAX_ABS_JOINT)
     if verb == "fk":
         return FkRequest(q=q, id=read_id(document), waist=_read_waist(document, n_waist))
@@ -229,6 +235,8 @@ def request_document(request: Request) -> Document:
             document |= {"verb": "fk" if isinstance(request, FkRequest) else "clearance", "q": request.q}
             if request.waist is not None:
                 document["waist"] = request.waist
+        case VelocityRequest():
+            document |= velocity_fields(request)
         case InfoRequest():
             document["verb"] = "info"
     return document

@@ -25,6 +25,8 @@ from ik_proto import (
     SolveReply,
     SolveRequest,
     Status,
+    VelocityReply,
+    VelocityRequest,
     encode_frame,
     reply_document,
     request_document,
@@ -44,6 +46,7 @@ TAU = (np.arange(14, dtype=np.float64) - 7.0) / 8.0
 WAIST = np.array([0.125, -0.0625, 0.25])
 LEFT_ELBOW, RIGHT_ELBOW = np.array([0.0, 0.6, -0.8, 0.75]), np.array([-0.6, 0.0, -0.8, 0.5])
 WEIGHTS = np.array([[1.0, 0.5], [0.75, 0.0]])
+TWIST = np.array([0.125, -0.0625, 0.03125, 0.5, -0.25, 0.75])
 NAMES = [f"{side}_joint_{k}" for side in ("left", "right") for k in range(1, 8)]
 
 EXAMPLES: dict[str, Document] = {
@@ -80,6 +83,27 @@ EXAMPLES: dict[str, Document] = {
     ),
     "fk_request": request_document(FkRequest(Q, id=8)),
     "clearance_request": request_document(ClearanceRequest(np.stack([Q, -Q]), id=15, waist=WAIST)),
+    "velocity_request": request_document(VelocityRequest(TWIST, TWIST[::-1].copy(), Q, -Q, id=16)),
+    "boxed_velocity_request": request_document(
+        VelocityRequest(
+            TWIST[:3],
+            -TWIST,
+            Q,
+            id=17,
+            frame="hand",
+            law="fixed",
+            hold_right=False,
+            damping=0.125,
+            max_speed=0.75,
+            max_acceleration=6.5,
+            period=0.0078125,
+            posture=Q / 2.0,
+            posture_gain=0.25,
+            left_bounds=np.array([[0.125, 0.0, -0.25], [0.5, 0.375, 0.625]]),
+            waist=WAIST,
+            collision="report",
+        )
+    ),
     "bent_fk_request": request_document(FkRequest(Q, id=13, waist=WAIST)),
     "info_request": request_document(InfoRequest(id=9)),
     "stream_request": {
@@ -190,6 +214,25 @@ EXAMPLES: dict[str, Document] = {
             nearest=("left_hand", "torso"),
         )
     ),
+    "velocity_reply": reply_document(
+        VelocityReply(
+            success=True,
+            error="",
+            status=Status.OK,
+            id=16,
+            boot_id="c0ffee0123456789",
+            dq=Q / 4.0,
+            twists=np.stack([TWIST, TWIST[::-1]]),
+            manipulability=np.array([0.0078125, 0.00390625]),
+            damping=np.array([0.0, 0.03125]),
+            limited_by=("joint", ""),
+            limiting_joint=("left_joint_4", None),
+            clearance=0.01953125,
+            nearest=("left_hand", "torso"),
+            solve_us=12.5,
+            server_us=31.25,
+        )
+    ),
     "info_reply": reply_document(
         InfoReply(
             success=True,
@@ -221,6 +264,7 @@ EXAMPLES: dict[str, Document] = {
 KINDS = {
     "reach_request": "solve_request",
     "stream_request": "solve_request",
+    "boxed_velocity_request": "velocity_request",
     "bent_fk_request": "fk_request",
     "blocked_reply": "solve_reply",
     "superseded_reply": "refusal",

@@ -167,7 +167,7 @@ def test_schema_and_code_let_what_is_not_required_be_null(name: str) -> None:
 def test_schema_and_code_know_the_same_fields_and_words() -> None:
     fields = _FIELDS
     defs = SCHEMA["$defs"]
-    for verb in ("solve", "solve_batch", "fk", "clearance", "info"):
+    for verb in ("solve", "solve_batch", "fk", "clearance", "velocity", "info"):
         assert defs[f"{verb}_request"]["properties"].keys() == fields[verb]
     assert defs["stream"]["maxLength"] == limits.MAX_STREAM_CHARACTERS
     assert defs["budget_ms"]["maximum"] == limits.MAX_BUDGET_MS
