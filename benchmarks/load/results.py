@@ -50,7 +50,9 @@ def verdict_documents(verdicts: Sequence[Verdict]) -> list[dict[str, Any]]:
     return [{"what": v.what, "measured": v.measured, "asked": v.asked, "met": v.met} for v in verdicts]
 
 
-def save(report: Mapping[str, Any], numbers: Path | None, chart: Path | None, console: Console) -> None:
+def save(
+    report: Mapping[str, Any], numbers: Path | None, chart: Path | None, console: Console, script: Path = _CHART_SCRIPT
+) -> None:
     """Write what was measured.
 
     Args:
@@ -58,6 +60,7 @@ def save(report: Mapping[str, Any], numbers: Path | None, chart: Path | None, co
         numbers: File for it; None for none.
         chart: File for a picture of it, PNG or SVG; None for none.
         console: Where a complaint goes when there is nothing to draw with.
+        script: What draws it.
     """
     text = json.dumps(report, indent=2) + "\n"
     if numbers is not None:
@@ -72,6 +75,6 @@ def save(report: Mapping[str, Any], numbers: Path | None, chart: Path | None, co
     with tempfile.TemporaryDirectory() as scratch:
         saved = Path(scratch) / "numbers.json"
         saved.write_text(text, encoding="utf-8")
-        drawn = subprocess.run([python, _CHART_SCRIPT, saved, chart], capture_output=True, text=True)
+        drawn = subprocess.run([python, script, saved, chart], capture_output=True, text=True)
     if drawn.returncode:
         console.print(f"no chart: {drawn.stderr.strip().splitlines()[-1]}")

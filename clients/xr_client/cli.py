@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 EXIT_OK, EXIT_USAGE = 0, 2
-_PACKAGES = ("aiohttp", "cryptography", "segno", "ruckig")
+_PACKAGES = ("aiohttp", "cryptography", "segno", "hdrh", "ruckig")
 _NETWORK = {"host", "port", "names", "certificates"}
 """Options that only make sense where the page is served to others."""
 

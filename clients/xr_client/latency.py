@@ -1,8 +1,4 @@
-"""How long one stage takes: percentiles of all samples of a run, in memory that does not grow.
-
-Samples are counted in bins on a logarithmic scale, 1 % wide, from 1 us to 100 s, as histograms of latency are kept
-elsewhere (HdrHistogram). So a percentile is right within 1 %, the largest sample and the count are exact.
-"""
+"""How long one stage takes: percentiles of all samples of a run, in memory that does not grow (HdrHistogram)."""
 
 import math
 import statistics
@@ -12,10 +8,10 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
+from hdrh.histogram import HdrHistogram
 
-_LEAST, _MOST, _WIDTH = 1e-3, 1e5, 0.01
-_BINS = math.ceil(math.log(_MOST / _LEAST) / math.log1p(_WIDTH)) + 1
+_HIGHEST_US, _DIGITS = 100_000_000, 3
+"""Longest time that can be told from a longer one [us], and the digits that are right."""
 _RECENT, _FRESH = 32, 2.0
 """How many samples the display averages over, and how old the last of them may be [s]."""
 
@@ -50,7 +46,7 @@ class Latency:
         """
         self._clock = clock
         self._lock = threading.Lock()
-        self._bins = np.zeros(_BINS, dtype=np.int64)
+        self._histogram = HdrHistogram(1, _HIGHEST_US, _DIGITS)
         self._max = 0.0
         self._recent: deque[float] = deque(maxlen=_RECENT)
         self._last = -math.inf
@@ -58,9 +54,8 @@ class Latency:
     def add(self, ms: float) -> None:
         """Take a sample [ms]. One below zero, where clocks were compared that differ a little, counts as zero."""
         ms = max(ms, 0.0)
-        place = 0 if ms <= _LEAST else min(math.ceil(math.log(ms / _LEAST) / math.log1p(_WIDTH)), _BINS - 1)
         with self._lock:
-            self._bins[place] += 1
+            self._histogram.record_value(min(max(math.ceil(1e3 * ms), 1), _HIGHEST_US))
             self._max = max(self._max, ms)
             self._recent.append(ms)
             self._last = self._clock()
@@ -75,14 +70,8 @@ class Latency:
     def summary(self) -> Summary | None:
         """All samples so far; None where there were none."""
         with self._lock:
-            bins, largest = self._bins.copy(), self._max
-        counted = np.cumsum(bins)
-        n = int(counted[-1])
-        if n == 0:
-            return None
-
-        def percentile(percent: float) -> float:
-            place = int(np.searchsorted(counted, math.ceil(n * percent / 100.0)))
-            return min(_LEAST * (1.0 + _WIDTH) ** place, largest)
-
-        return Summary(percentile(50.0), percentile(95.0), percentile(99.0), largest, n)
+            n, largest = self._histogram.get_total_count(), self._max
+            if n == 0:
+                return None
+            p50, p95, p99 = (1e-3 * self._histogram.get_value_at_percentile(percent) for percent in (50, 95, 99))
+        return Summary(min(p50, largest), min(p95, largest), min(p99, largest), largest, n)

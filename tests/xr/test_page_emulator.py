@@ -186,7 +186,7 @@ def test_keys_for_what_happens_to_a_headset(worn):
     moved = server.arrival(lambda latest: latest.packet.epoch > held.epoch, "another room").packet
     tab.key("KeyM")
     server.arrival(lambda latest: not latest.packet.visible, "a menu")
-    assert "a menu is open" in tab.text("#emulator-help")
+    tab.until("document.querySelector('#emulator-help').innerText.includes('a menu is open')")
     tab.key("KeyM")
     server.arrival(lambda latest: latest.packet.visible and latest.packet.epoch > moved.epoch, "no menu")
     tab.key("Escape")

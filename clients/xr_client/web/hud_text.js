@@ -45,7 +45,7 @@ export function hudText({ hud, link, video }) {
   return {
     arms: [armText("left arm", connected ? hud.left : null), armText("right arm", connected ? hud.right : null)],
     note: noteText(hud, link),
-    footer: footerText(connected ? hud : null, link, video),
+    footer: footerText(connected ? hud : null, video),
   };
 }
 
