@@ -1,0 +1,154 @@
+"""From pixels to points: one frame's measurement of the tracked joints, given where the last frames expect them.
+
+    patch of depths ─> surface near the expected one ─> centre of the joint ─> depths that fit the limbs
+
+A surface that is far from where it is expected is none of the operator's, and one out of the arms' reach is not an
+arm's.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from camera_client.calibration import Calibration
+from camera_client.depth_patch import patch_depths
+from camera_client.frame import RgbdFrame
+from camera_client.kalman import JointFilter, Mask
+from camera_client.landmarks import ARMS, HIPS, SHOULDERS, TRACKED, Landmarks
+from camera_client.limb_map import DepthEvidence, fit_depths
+from camera_client.surface import OFFSETS, arm_offsets, covered, shoulder_shift
+from ik_proto import Array
+
+ACROSS_SIGMA = 0.012
+"""Standard deviation of a joint across its viewing ray [m]."""
+DEPTH_SIGMA = 0.03
+"""Standard deviation of a joint along it, after the limb lengths had their say [m]."""
+GUESSED_SIGMA = 0.06
+"""The same where its depth was not measured."""
+
+_WINDOW = np.array([0.25, 0.90, 0.90, 0.25, 0.90, 0.90, 0.35, 0.35])
+"""How far from where it is expected the surface before a joint may be, shape (8,) [m]."""
+_REACH = (-0.95, 0.50)
+"""Where arms are along the optical axis, from the torso [m]."""
+_FIRST_SIGMA = 0.5
+"""Standard deviation of a depth before the first frame [m]."""
+_SLACK = 0.02
+"""What the last frames expect is never better than this [m]."""
+_TRUNK = np.concatenate([SHOULDERS, HIPS])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surfaces:
+    """What the camera sees at the joints of a body.
+
+    Attributes:
+        seen: Which joints are in the picture, shape (8,).
+        rays: Viewing rays through the joints with z = 1, shape (8, 3); without meaning where not seen.
+        depth: Of the joints' centres, shape (8,) [m]; NaN where not measured.
+        sigma: Their standard deviations, shape (8,) [m].
+        place: Between the shoulders, at the depth of the body, optical frame, shape (3,) [m].
+    """
+
+    seen: Mask
+    rays: Array
+    depth: Array
+    sigma: Array
+    place: Array
+
+
+def surfaces(frame: RgbdFrame, landmarks: Landmarks, joints: JointFilter, calibration: Calibration) -> Surfaces | None:
+    """Measure the depths at the joints of a credible body.
+
+    Args:
+        frame: What the camera saw.
+        landmarks: What the pose model found in it.
+        joints: Where the last frames expect the joints.
+        calibration: The operator.
+
+    Returns:
+        The measurement; None where the camera measures no depth on the trunk.
+    """
+    height, width = frame.depth.shape
+    seen = landmarks.seen(width, height)
+    pixels = np.where(seen[:, None], landmarks.pixels[TRACKED], np.nan)
+    known = joints.known
+    position = joints.position
+    if not known[SHOULDERS].all():
+        body = patch_depths(frame.depth, pixels[_TRUNK], np.full(len(_TRUNK), np.nan)).depth
+        if not np.isfinite(body).any():
+            return None
+        position = np.where(known[:, None], position, (0.0, 0.0, np.nanmedian(body)))
+    pixels[SHOULDERS] += shoulder_shift(calibration.up_camera, position[SHOULDERS, 2].mean(), frame.intrinsics)
+    offsets = OFFSETS.copy()
+    arms = position[ARMS].reshape(2, 3, 3)
+    if known[ARMS].all():
+        offsets[ARMS] = arm_offsets(arms).ravel()
+    patches = patch_depths(frame.depth, pixels, position[:, 2] - offsets)
+    depth = patches.depth + offsets
+    near = np.abs(depth - position[:, 2]) <= np.where(known, _WINDOW, _WINDOW.max())
+    depth = np.where(near, depth, np.nan)
+    trunk = depth[_TRUNK]
+    if not np.isfinite(trunk).any():
+        return None
+    torso = float(np.nanmedian(trunk))
+    off = depth[ARMS] - torso
+    depth[ARMS] = np.where((off > _REACH[0]) & (off < _REACH[1]), depth[ARMS], np.nan)
+    if known[ARMS].all():
+        depth[ARMS] = np.where(covered(arms, depth[ARMS].reshape(2, 3)).ravel(), np.nan, depth[ARMS])
+    rays = frame.intrinsics.rays(np.where(seen[:, None], pixels, 0.0))
+    sigma = np.maximum(patches.sigma, DEPTH_SIGMA) / np.clip(1.5 * patches.share, 0.3, 1.0)
+    return Surfaces(seen, rays, depth, sigma, rays[SHOULDERS].mean(axis=0) * torso)
+
+
+def lift(
+    seen: Surfaces, landmarks: Landmarks, joints: JointFilter, calibration: Calibration
+) -> tuple[Array, Array, Mask]:
+    """Place the joints on their rays.
+
+    Args:
+        seen: What was measured.
+        landmarks: What the pose model found.
+        joints: Where the last frames expect the joints.
+        calibration: The operator.
+
+    Returns:
+        Positions, optical frame, shape (8, 3) [m]; their standard deviations along the axes, shape (8, 3) [m]; and
+        which of them are measured, shape (8,).
+    """
+    expected = np.where(joints.known, joints.position[:, 2], seen.place[2])
+    expected_sigma = np.where(joints.known, np.minimum(joints.sigma[:, 2], _FIRST_SIGMA) + _SLACK, _FIRST_SIGMA)
+    fitted, _ = fit_depths(
+        DepthEvidence(
+            rays=seen.rays[ARMS].reshape(2, 3, 3),
+            measured=seen.depth[ARMS].reshape(2, 3),
+            sigma=seen.sigma[ARMS].reshape(2, 3),
+            prior=expected[ARMS].reshape(2, 3),
+            prior_sigma=expected_sigma[ARMS].reshape(2, 3),
+            lengths=calibration.lengths,
+            relative=relative_depths(landmarks, calibration),
+        )
+    )
+    # A whole arm has the depths that fit its limbs; of a part of one only what was measured counts.
+    whole = np.repeat(seen.seen[ARMS].reshape(2, 3).all(axis=1), 3)
+    depth = seen.depth.copy()
+    depth[ARMS] = np.where(whole, fitted.ravel(), depth[ARMS])
+    usable = seen.seen & np.isfinite(depth)
+    sigma = np.full((len(TRACKED), 3), ACROSS_SIGMA)
+    sigma[:, 2] = np.where(np.isfinite(seen.depth), DEPTH_SIGMA, GUESSED_SIGMA)
+    return np.where(usable, depth, 0.0)[:, None] * seen.rays, sigma, usable
+
+
+def relative_depths(landmarks: Landmarks, calibration: Calibration) -> Array:
+    """How much deeper elbows are than shoulders and wrists than elbows, by the pose model.
+
+    Returns:
+        Shape (2, 2) [m]; NaN where the model does not say. It does not know how large people are, so its arms are
+        scaled to the operator's.
+    """
+    if landmarks.world is None:
+        return np.full((2, 2), np.nan)
+    arms = landmarks.world[TRACKED[ARMS]].reshape(2, 3, 3)
+    limbs = arms[:, 1:] - arms[:, :-1]
+    modelled = np.sqrt((limbs * limbs).sum(axis=-1)).sum(axis=1)
+    scale = calibration.lengths.sum(axis=1) / np.maximum(modelled, 1e-3)
+    return limbs[..., 2] * scale[:, None]

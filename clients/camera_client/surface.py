@@ -1,0 +1,77 @@
+"""From what a camera sees to where a joint is.
+
+- The skin is in front of the bone, by an offset along the optical axis.
+- A forearm that points at the camera shows its hand, which is before the wrist.
+- A joint behind another one of its arm is not what the camera sees there.
+- What a pose model calls a shoulder is the top of it, above the joint.
+
+The numbers are medians over the postures of a rendered person with known joints, with MediaPipe's landmarks.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camera_client.frame import Intrinsics
+from camera_client.vectors import unit
+from ik_proto import Array
+
+OFFSETS = np.array([0.058, 0.036, 0.030, 0.058, 0.036, 0.030, 0.108, 0.108])
+"""How much deeper the centre of each tracked joint is than the surface before it, shape (8,) [m]."""
+OFFSETS.flags.writeable = False
+HAND = 0.08
+"""How far a hand is before the surface of its wrist when it points at the camera [m]."""
+SHOULDER_DROP = 0.025
+"""How far the joint of a shoulder is below its landmark [m]."""
+
+_POINTING = (0.85, 0.97)
+"""Cosine between forearm and viewing ray from which on the hand begins to cover the wrist, and covers it."""
+_COVERED = 0.06
+"""Joints of an arm that are less than this apart across the viewing ray cover each other [m]."""
+
+
+def shoulder_shift(up_camera: Array, depth: float, intrinsics: Intrinsics) -> Array:
+    """From the landmark of a shoulder to its joint, shape (2,) [pixel].
+
+    Args:
+        up_camera: Up, optical frame, shape (3,).
+        depth: Of the shoulders [m].
+        intrinsics: Of the picture.
+    """
+    return -SHOULDER_DROP / depth * up_camera[:2] * (intrinsics.fx, intrinsics.fy)
+
+
+def arm_offsets(arms: Array) -> Array:
+    """How much deeper the joints of arms are than what is seen there.
+
+    Args:
+        arms: Shoulder, elbow and wrist where the last frames expect them, optical frame, shape (2, 3, 3) [m].
+
+    Returns:
+        Shape (2, 3) [m].
+    """
+    offsets = OFFSETS[:6].reshape(2, 3).copy()
+    fore = unit(arms[:, 2] - arms[:, 1])
+    pointing = -(fore * unit(arms[:, 2])).sum(axis=-1)
+    offsets[:, 2] += HAND * ((pointing - _POINTING[0]) / (_POINTING[1] - _POINTING[0])).clip(0.0, 1.0)
+    return offsets
+
+
+def covered(arms: Array, depth: Array) -> NDArray[np.bool_]:
+    """Which joints are behind another one of their arm, going by what is seen there.
+
+    Args:
+        arms: As in `arm_offsets`.
+        depth: Depths of the joints as measured, shape (2, 3) [m]; NaN where not.
+
+    Returns:
+        Shape (2, 3): the joint is expected behind another one at about the same pixel, and the depth is rather the
+        other's.
+    """
+    hidden = np.zeros((2, 3), dtype=bool)
+    own = np.abs(depth - arms[..., 2])
+    for turn in (1, 2):
+        other = arms[:, (turn, (turn + 1) % 3, (turn + 2) % 3)]
+        across = arms[..., :2] - other[..., :2]
+        near = (across * across).sum(axis=-1) < _COVERED**2
+        hidden |= near & (arms[..., 2] > other[..., 2]) & (np.abs(depth - other[..., 2]) < own)
+    return hidden

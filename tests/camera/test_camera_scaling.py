@@ -1,0 +1,63 @@
+"""Scaling: a G1 is scaled to itself, by Pinocchio; and directions and the share of the reach are kept."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from camera_client.scaling import G1_ARMS, elbow_hints, wrist_positions
+from camera_client.vectors import unit
+from ik_proto.robots import load_description
+
+SIDES = ("left", "right")
+
+
+def g1_arms(q_of: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Shoulder roll joint, elbow and end-effector of both arms, shape (2, 3, 3), and the first joints, pelvis frame."""
+    model = pin.buildModelFromMJCF(str(load_description("g1").model))
+    data, q = model.createData(), pin.neutral(model)
+    for name, angle in q_of.items():
+        q[model.joints[model.getJointId(name)].idx_q] = angle
+    pin.framesForwardKinematics(model, data, q)
+    pelvis = data.oMf[model.getFrameId("pelvis")]
+    arms, first = [], []
+    for side in SIDES:
+        M = {
+            joint: pelvis.inverse() * data.oMi[model.getJointId(f"{side}_{joint}_joint")]
+            for joint in ("shoulder_pitch", "shoulder_roll", "elbow", "wrist_yaw")
+        }
+        wrist = M["wrist_yaw"].translation + M["wrist_yaw"].rotation @ (0.05, 0.0, 0.0)
+        arms.append([M["shoulder_roll"].translation, M["elbow"].translation, wrist])
+        first.append(M["shoulder_pitch"].translation)
+    return np.array(arms), np.array(first)
+
+
+def postures(count: int) -> list[dict[str, float]]:
+    rng = np.random.default_rng(0)
+    return [
+        {
+            f"{side}_{joint}_joint": float(rng.uniform(-1.0, 1.0))
+            for side in SIDES
+            for joint in ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow")
+        }
+        for _ in range(count)
+    ]
+
+
+@pytest.mark.parametrize("posture", postures(5))
+def test_a_g1_as_operator_is_mirrored(posture):
+    """Its upper arms do not turn about one point: the roll joint goes round the axis of the pitch joint at 14 mm."""
+    arms, first = g1_arms(posture)
+    limbs = unit(np.diff(arms, axis=1))
+    for p, arm, side in zip(wrist_positions(limbs, G1_ARMS), arms, SIDES, strict=True):
+        round_axis = 2.0 * 0.01384 * abs(np.sin(0.5 * posture[f"{side}_shoulder_pitch_joint"]))
+        assert np.linalg.norm(p - arm[2]) < round_axis + 0.001
+    hints = elbow_hints(limbs, np.array([0.25, 1.0]), G1_ARMS)
+    assert np.allclose(hints[:, :3], unit(arms[:, 1] - first), atol=0.06)
+    assert (hints[:, 3] == (0.25, 1.0)).all()
+
+
+def test_a_stretched_arm_is_a_stretched_arm_in_every_direction():
+    rng = np.random.default_rng(1)
+    for direction in unit(rng.standard_normal((20, 3))):
+        p = wrist_positions(np.tile(direction, (2, 2, 1)), G1_ARMS)
+        assert np.allclose(p - G1_ARMS.shoulders, (G1_ARMS.upper + G1_ARMS.fore) * direction)
