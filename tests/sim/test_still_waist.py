@@ -1,4 +1,4 @@
-"""Hands that stand still, arms outstretched, the body pushed: it comes to rest, though arms and waist shake each other.
+"""Hazard row "rocking body": hands stand still, arms are outstretched, and the body is pushed. It comes to rest.
 
 Loop, service and robot take turns on a clock of the test's own.
 """
