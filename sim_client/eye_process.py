@@ -3,7 +3,8 @@
     python -m sim_client.eye_process BACKEND URL ROBOT DESCRIPTOR
 
 - It reads the robot's posture from the memory it inherits, and publishes pictures at the URL, at most `RATE` a second,
-  while somebody watches. A picture is of the first posture after it was due; one that is late is not made up for.
+  while somebody waits for one: none is drawn that nobody would see. A picture is of the first posture after it was due;
+  one that is late is not made up for.
 - On standard output it says, each as a line of JSON: {"ready": true}, or {"fault": WHY, "rendering": whether that is
   because this backend cannot render}, before it ends.
 - It ends when its standard input does: that is, with its parent, however that ends.
@@ -79,7 +80,8 @@ def _serve(publisher: EyePublisher, camera: "EyeCamera", memory: PostureMemory) 
         watched = publisher.watched
         if _parent_ended(0.0 if watched else _IDLE_POLL):
             return
-        if not watched:
+        if not publisher.wanted:
+            time.sleep(_POLL if watched else 0.0)
             continue
         now = time.monotonic()
         due = now if now > due + 1.0 / RATE else due

@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 
 mpl.use("Agg")
 
-COLORS = {"on": "#1f6fb4", "stalled": "#d9822b", "off": "#8a8a8a"}
+COLORS = {"on": "#1f6fb4", "album": "#4aa564", "stalled": "#d9822b", "off": "#8a8a8a"}
 ASKED = {"color": "#c23b3b", "linewidth": 1.2}
 PERCENTILES = ("p50", "p95", "p99")
 
@@ -29,7 +29,7 @@ def draw(report: Mapping[str, Any], path: Path) -> None:
             found = [one for one in found if one]
             if not found:
                 continue
-            y = row + 0.22 * (k - 1)
+            y = row + 0.2 * (k - 0.5 * (len(modes) - 1))
             low, middle, high = (sorted(one[p] for one in found)[len(found) // 2] for p in PERCENTILES)
             latency.plot([low, high], [y, y], color=COLORS[mode], linewidth=2.0)
             latency.plot([low], [y], "o", color=COLORS[mode], markersize=5, label=modes[mode] if row == 1 else None)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from playwright.sync_api import Browser
 
+from benchmarks.headset.album import album
 from benchmarks.headset.browser import Headset, Lost, Moved, headset
 from benchmarks.load.processes import child, first_line
 from ik_client import IKClient
@@ -22,8 +23,8 @@ from ik_proto import Array
 from xr_client.frames import T_ROBOT_OPENXR
 from xr_client.recording import read_recording
 
-MODES = ("on", "stalled", "off")
-"""Video shown, video whose page says of no image that it was shown, no video."""
+MODES = ("on", "album", "stalled", "off")
+"""Video shown, pictures drawn beforehand shown, video whose page says of no image that it was shown, no video."""
 
 REST_S = 1.0
 """How long after the hands have stopped the wrists are looked at [s]."""
@@ -149,8 +150,8 @@ def run_turn(around: World, browser: Browser, mode: str, seconds: float, screens
         "--local-port",
         "0",
     ]
-    command += ["--video", "off" if mode == "off" else "auto", "--report", str(report), "--record", str(recording)]
-    with child(command, os.sched_getaffinity(0)) as process:
+    command += ["--report", str(report), "--record", str(recording)]
+    with _pictures(around, mode) as video, child([*command, "--video", video], os.sched_getaffinity(0)) as process:
         url = json.loads(first_line(process, "ik-xr"))["emulator"]
         with headset(browser) as worn:
             worn.enter(url, video=mode != "off")
@@ -163,6 +164,7 @@ def run_turn(around: World, browser: Browser, mode: str, seconds: float, screens
             wrist_mm = _reach(around, worn)
             if screenshot is not None:
                 worn.screenshot(screenshot)
+            worn.lower()  # the next turn begins where this one did
             worn.let_go()
         _end(process)
     poses, missed, gaps = _arrivals(recording, moved)
@@ -177,6 +179,17 @@ def run_turn(around: World, browser: Browser, mode: str, seconds: float, screens
         changes=changes,
         report=json.loads(report.read_text(encoding="utf-8")),
     )
+
+
+@contextmanager
+def _pictures(around: World, mode: str) -> Generator[str]:
+    """Where the pictures of a turn come from, as `--video` takes it."""
+    if mode == "album":
+        welcome = around.link.welcome
+        with album(welcome.eyes, welcome.robot) as url:
+            yield url
+    else:
+        yield "off" if mode == "off" else "auto"
 
 
 def _reach(around: World, worn: Headset) -> tuple[float, float]:
@@ -194,6 +207,7 @@ def _reach(around: World, worn: Headset) -> tuple[float, float]:
         time.sleep(REST_S)
         left, right = 1e3 * np.linalg.norm(around.wrists(wanted=False) - target, axis=1)
         if worn.follows and worn.changes == changes:
+            worn.step(STEP_S, (-step[0], -step[1], -step[2]))
             return float(left), float(right)
         step = -step
     raise Lost(f"an arm held in each of {ATTEMPTS} attempts to reach: this machine is too busy")

@@ -1,6 +1,7 @@
 """Brings the robot's eye images to the pages: a thread that watches the robot while a page watches.
 
-- While no page does, the source is closed and the thread sleeps: then the robot makes no images either.
+- While no page does, the source is closed and the thread sleeps: then the robot makes no images either. While a page
+  watches, one is asked for only when it would go out at once: where drawing is dear, none is drawn to be dropped.
 - A source that is lost, or not there yet, is opened again after pauses that grow to `LONGEST_PAUSE`.
 - Images are numbered anew, so that numbers rise even when the robot's end was started again.
 - `taken_ms` stays the robot's where robot and server read the same clock. Two machines' clocks are not compared: there
@@ -105,6 +106,9 @@ class VideoFeed:
         """Hand images over until no page watches."""
         seen, since = -1, self._clock()
         while self._video.watched and not self._closing.is_set():
+            if not self._video.wait_wanted(_TURN):
+                since = self._clock()  # the page is what is late
+                continue
             frame = source.wait(seen, _TURN)
             now = self._clock()
             if frame is not None:

@@ -6,6 +6,7 @@ under way and one that waits, however long it stalls, and is closed when it does
 
 import asyncio
 import contextlib
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -59,6 +60,8 @@ class VideoSocket:
         self._shown = shown
         self._pages: list[_Page] = []
         self._watch = threading.Event()
+        self._want = threading.Event()
+        self._timer: asyncio.TimerHandle | None = None
         self._lock = threading.Lock()
         self._latest: StereoFrame | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -79,12 +82,24 @@ class VideoSocket:
         """
         return self._watch.wait(timeout)
 
+    def wait_wanted(self, timeout: float) -> bool:
+        """Wait, in any thread but the server's, until a new image is worth making, see `video_slot`.
+
+        Args:
+            timeout: How long at most [s].
+
+        Returns:
+            Whether it is.
+        """
+        return self._want.wait(timeout)
+
     def publish(self, frame: StereoFrame) -> None:
         """Hand over an image, from any thread and without waiting.
 
         Args:
             frame: The image; replaces one that was not taken yet.
         """
+        self._want.clear()  # until it is seen what the pages do with this one
         with self._lock:
             waiting, self._latest = self._latest, frame
             loop = self._loop
@@ -114,6 +129,7 @@ class VideoSocket:
         self._watch.set()
         with self._lock:
             self._loop, self._latest = asyncio.get_running_loop(), None
+        self._look_who_wants()
         sender = asyncio.create_task(self._send(page))
         try:
             await self._receive(page)
@@ -121,6 +137,7 @@ class VideoSocket:
             self._pages.remove(page)
             if not self._pages:
                 self._watch.clear()
+            self._look_who_wants()
             sender.cancel()
             with contextlib.suppress(asyncio.CancelledError, ConnectionError):
                 await sender
@@ -139,6 +156,19 @@ class VideoSocket:
                 page.slot.offer(frame)
                 page.news.set()
 
+    def _look_who_wants(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        now = self._clock()
+        pause = min((page.slot.worth_making(now) for page in self._pages), default=math.inf)
+        if pause <= 0.0:
+            self._want.set()
+        else:
+            self._want.clear()
+            if pause < math.inf:
+                self._timer = asyncio.get_running_loop().call_later(pause, self._look_who_wants)
+
     async def _receive(self, page: _Page) -> None:
         async for message in page.socket:
             try:
@@ -148,7 +178,7 @@ class VideoSocket:
             except MessageError as error:
                 await page.socket.close(code=BAD_PACKETS, message=str(error).encode()[:120])
                 return
-            taken_ms = page.slot.acknowledge(seq)
+            taken_ms = page.slot.acknowledge(seq, self._clock())
             if taken_ms is not None:
                 self.shown_ms = self._clock() * 1e3 - taken_ms
                 self._shown(self.shown_ms)
@@ -159,5 +189,6 @@ class VideoSocket:
             while True:
                 await page.news.wait()
                 page.news.clear()
-                while frame := page.slot.take():
+                while frame := page.slot.take(self._clock()):
                     await page.socket.send_bytes(encode_frame(frame))
+                self._look_who_wants()

@@ -11,13 +11,15 @@ from benchmarks import xr
 from benchmarks.headset.turn import MODES, Turn
 from xr_client.stages import STAGES
 
+SHOWING = ("on", "album")
+
 
 def turn(mode: str, *, scale: float = 1.0, **others: Any) -> Turn:
     """A turn in which everything is as it was asked for; latencies times a factor."""
     stages = {
         name: {"p50": 10.0 * scale, "p95": 15.0 * scale, "p99": 16.0 * scale, "max": 20.0, "n": 9} for name in STAGES
     }
-    if mode != "on":
+    if mode not in SHOWING:
         del stages["video"]
     report = {
         "ticks": 500,
@@ -31,7 +33,7 @@ def turn(mode: str, *, scale: float = 1.0, **others: Any) -> Turn:
         "poses": 600,
         "missed": 0,
         "gaps_ms": (16.7, 20.0, 30.0),
-        "images": 280 if mode == "on" else 0,
+        "images": 280 if mode in SHOWING else 0,
         "wrist_mm": (1.0, 2.0),
         "changes": 0,
         "report": report,
@@ -59,13 +61,13 @@ def test_what_was_asked_for_is_met() -> None:
     ],
 )
 def test_what_is_missed_is_told(change: dict[str, Any], words: list[str]) -> None:
-    found = missed([turn("on", **change), turn("stalled"), turn("off")])
+    found = missed([turn("on", **change), turn("album"), turn("stalled"), turn("off")])
     assert len(found) == len(words)
     assert all(told.startswith(word) for told, word in zip(found, words, strict=True))
 
 
 def test_control_that_suffers_from_a_stalled_video_is_told() -> None:
-    found = missed([turn("on"), turn("stalled", scale=1.3), turn("off")])
+    found = missed([turn("on"), turn("album"), turn("stalled", scale=1.3), turn("off")])
     assert [told.split(",")[1] for told in found] == [" p50", " p99"]
     assert all("while video stalls" in told for told in found)
 

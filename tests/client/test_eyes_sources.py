@@ -61,12 +61,16 @@ def test_pictures_through_shared_memory(block_url):
         # The first was taken before anybody watched, and may be an hour old.
         assert eyes.wait(-1, 0.05) is None
         assert publisher.watched
+        assert publisher.wanted
         for seq in (2, 3):
             publisher.publish(picture(seq))
+            assert not publisher.wanted  # until the watcher has it, and waits for the next
         got = eyes.wait(1, LIMIT)
+        assert not publisher.wanted
         assert got is not None
         assert (got.seq, got.left[:1], got.fov_deg) == (3, b"\x03", 60.0)
         assert eyes.wait(3, 0.05) is None
+        assert publisher.wanted
         assert eyes.wait(-1, 0.05) == got
         with open_eyes(block_url, "g1") as second:
             publisher.publish(picture(4))
@@ -99,7 +103,7 @@ def test_a_time_of_looking_that_cannot_be_is_nobodys(block_url):
     publisher = open_publisher(block_url, "g1")
     with SharedEyes(block_url.removeprefix("shm:")) as eyes:
         for now in (2**64 - 1, time.monotonic_ns() + 10**12, 1):
-            eyes._block.look(now)
+            eyes._block.look(now, 0)
             assert not publisher.watched
     publisher.close()
 

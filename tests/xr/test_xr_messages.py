@@ -1,6 +1,7 @@
 """Messages, the slot with credits, and the page's clock."""
 
 import json
+import math
 
 import pytest
 from hypothesis import given
@@ -110,14 +111,36 @@ def test_the_latest_image_goes_next_and_credits_bound_what_is_under_way():
     sent = []
     for seq in range(10):
         slot.offer(frame(seq))
-        sent.append(slot.take())
+        sent.append(slot.take(0.0))
     assert [one.seq for one in sent if one] == [0, 1]
     assert slot.skipped == 7
-    assert slot.acknowledge(0) == 0.0
-    latest = slot.take()
+    assert slot.acknowledge(0, 0.0) == 0.0
+    latest = slot.take(0.0)
     assert latest is not None
     assert latest.seq == 9
-    assert slot.take() is None
+    assert slot.take(0.0) is None
+
+
+def test_an_image_is_worth_making_when_the_last_has_made_most_of_its_way():
+    """At once for a page that has none; then when 3/4 of the usual way have passed, so that images do not queue."""
+    slot = VideoSlot()
+    assert slot.worth_making(5.0) == 0.0
+    slot.offer(frame(1))
+    assert slot.worth_making(5.0) == math.inf  # it waits
+    slot.take(5.0)
+    assert slot.worth_making(9.0) == math.inf  # how long it takes is not known yet
+    slot.acknowledge(1, 5.1)
+    assert slot.worth_making(5.1) == 0.0
+    slot.offer(frame(2))
+    slot.take(6.0)
+    assert slot.worth_making(6.0) == pytest.approx(0.075)
+    assert slot.worth_making(6.05) == pytest.approx(0.025)
+    assert slot.worth_making(6.08) == 0.0
+    slot.offer(frame(3))
+    slot.take(6.08)
+    assert slot.worth_making(7.0) == math.inf  # no credit
+    slot.acknowledge(2, 7.0)
+    assert slot.worth_making(7.0) == 0.0
 
 
 @given(st.lists(st.tuples(st.sampled_from(["offer", "take", "shown"]), st.integers(0, 30)), max_size=80))
@@ -127,12 +150,12 @@ def test_a_slot_never_has_more_under_way_than_credits_nor_goes_back(script):
         if action == "offer":
             seq += 1
             slot.offer(frame(seq))
-        elif action == "take" and (taken := slot.take()):
+        elif action == "take" and (taken := slot.take(0.0)):
             assert taken.seq > last
             last = taken.seq
             under_way.add(last)
         elif action == "shown":
-            assert (slot.acknowledge(number) is not None) == (number in under_way)
+            assert (slot.acknowledge(number, 0.0) is not None) == (number in under_way)
             under_way.discard(number)
         assert len(under_way) <= CREDITS
     assert slot.sent - slot.shown == len(under_way)

@@ -26,6 +26,8 @@ class Video:
 
     def __init__(self) -> None:
         self.watch = threading.Event()
+        self.want = threading.Event()
+        self.want.set()
         self.frames: list[StereoFrame] = []
 
     @property
@@ -34,6 +36,9 @@ class Video:
 
     def wait_watched(self, timeout: float) -> bool:
         return self.watch.wait(timeout)
+
+    def wait_wanted(self, timeout: float) -> bool:
+        return self.want.wait(timeout)
 
     def publish(self, frame: StereoFrame) -> None:
         self.frames.append(frame)
@@ -156,6 +161,23 @@ def test_no_fault_is_told_to_nobody(feed):
     until(lambda: one.fault)
     video.watch.clear()
     until(lambda: not one.fault)
+
+
+def test_no_image_is_asked_for_while_none_is_wanted(feed):
+    """And the time until one is counts for no silence of the robot."""
+    now = [100.0]
+    robot = Robot()
+    one, video = feed(robot, clock=lambda: now[0])
+    video.want.clear()
+    robot.frame = image(1)
+    video.watch.set()
+    until(lambda: robot.open == 1)
+    now[0] += 60.0
+    time.sleep(0.03)
+    assert video.frames == []
+    video.want.set()
+    until(lambda: video.frames)
+    assert one.fault == ""
 
 
 def test_silence_is_told(feed):

@@ -7,6 +7,7 @@ Nobody waits for anybody, and no reader ever takes half a packet for a whole one
 | 0      | magic and version                                                                   |
 | 8      | when a reader last looked [ns], `CLOCK_MONOTONIC`                                   |
 | 16     | number of the newest packet, from 1; 0 before                                       |
+| 24     | newest number of those that readers have who wait for a newer one                   |
 | 64     | slot of the even numbers: number before, number after, bytes, CRC-32, then the data |
 | ...    | slot of the odd numbers                                                             |
 
@@ -21,7 +22,7 @@ import mmap
 import zlib
 
 MAGIC = int.from_bytes(b"ik-eyes\x01", "little")
-_BEAT, _NEWEST = 1, 2
+_BEAT, _NEWEST, _HAD = 1, 2, 3
 _HEAD_BYTES, _SLOT_HEAD_BYTES = 64, 32
 _BEFORE, _AFTER, _LENGTH, _CHECKSUM = range(4)
 
@@ -65,13 +66,22 @@ class PacketBlock:
         """When a reader last looked [ns]; 0 before."""
         return self._words[_BEAT]
 
-    def look(self, now_ns: int) -> None:
-        """Say that a reader looks.
+    @property
+    def had(self) -> int:
+        """The newest number of those that readers have who wait for a newer one; 0 where they have none."""
+        return self._words[_HAD]
+
+    def look(self, now_ns: int, have: int) -> None:
+        """Say that a reader waits for a newer packet.
 
         Args:
             now_ns: `time.monotonic_ns()`.
+            have: Number of the packet the reader has; 0 for none.
         """
         self._words[_BEAT] = now_ns
+        # Two readers at once may lose one of their words: it is said again at the next look.
+        if have > self._words[_HAD]:
+            self._words[_HAD] = have
 
     def write(self, packet: bytes) -> None:
         """Put a packet in, as the newest.

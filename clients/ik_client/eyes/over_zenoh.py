@@ -97,6 +97,11 @@ class ZenohEyePublisher:
         """Whether anybody subscribes."""
         return self._publisher.matching_status.matching  # ty: ignore[missing-attribute]  # the stub says bool
 
+    @property
+    def wanted(self) -> bool:
+        """Whether anybody watches; what a watcher has is not known here."""
+        return self.watched
+
     def publish(self, frame: StereoFrame) -> None:
         """Send a picture, or drop it."""
         self._publisher.put(encode_frame(frame))

@@ -58,7 +58,7 @@ class SharedEyes:
         now = time.monotonic()
         end, check = now + timeout, now + _CHECK_AFTER
         while True:
-            self._block.look(time.monotonic_ns())
+            self._block.look(time.monotonic_ns(), self._number)
             self._take()
             if self._frame is not None and self._frame.seq != after_seq:
                 return self._frame
@@ -126,6 +126,11 @@ class SharedEyePublisher:
     def watched(self) -> bool:
         """Whether somebody has looked lately."""
         return 0 <= time.monotonic_ns() - self._block.looked < WATCHED_FOR * 1e9
+
+    @property
+    def wanted(self) -> bool:
+        """Whether somebody waits for a picture after the last."""
+        return self.watched and self._block.had >= self._block.newest
 
     def publish(self, frame: StereoFrame) -> None:
         """Put a picture into the block."""

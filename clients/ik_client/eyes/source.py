@@ -59,6 +59,11 @@ class EyePublisher(Protocol):
         """Whether anybody watches: else no picture needs to be made."""
         ...
 
+    @property
+    def wanted(self) -> bool:
+        """Whether somebody waits for a picture after the last; where that cannot be told, whether anybody watches."""
+        ...
+
     def publish(self, frame: StereoFrame) -> None:
         """Send a picture, without waiting for anybody.
 
