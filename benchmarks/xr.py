@@ -140,13 +140,14 @@ def measure(options: argparse.Namespace, progress: Progress) -> list[Turn]:
     """All turns, in the order in which they were taken; who begins rotates."""
     turns: list[Turn] = []
     task = progress.add_task("turns", total=len(MODES) * options.rounds)
-    with tempfile.TemporaryDirectory() as folder, world(Path(folder)) as around, chromium() as browser:
+    with tempfile.TemporaryDirectory() as folder, chromium() as browser:
         for round_ in range(options.rounds):
             first = round_ % len(MODES)
             for mode in (*MODES[first:], *MODES[:first]):
-                turns.append(
-                    run_turn(around, browser, mode, options.seconds, options.screenshot if mode == "on" else None)
-                )
+                # Each with a robot of its own: where an arm held, the next hands would begin somewhere else.
+                with world(Path(folder)) as around:
+                    screenshot = options.screenshot if mode == "on" else None
+                    turns.append(run_turn(around, browser, mode, options.seconds, screenshot))
                 progress.update(task, completed=len(turns))
     return turns
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from playwright.sync_api import Browser, Error, Page, ViewportSize, sync_playwright
 
-LIMIT_S, _POLL_S, _LOWER_S = 60.0, 0.05, 1.5
+LIMIT_S, _POLL_S = 60.0, 0.05
 LIFT = (0.0, 0.25, -0.2)
 """Where the hands go before they circle: to the right, up, back [m]."""
 
@@ -134,12 +134,6 @@ class Headset:
     def circle(self, seconds: float) -> Moved:
         """Lift both hands, move them in circles of 8 cm, and stop them where they were lifted to."""
         return self._move(seconds, LIFT, 0.04)
-
-    def lower(self) -> Moved:
-        """Put both hands down where they were lifted from, and wait until the arms are there."""
-        lowered = self.step(_LOWER_S, (-LIFT[0], -LIFT[1], -LIFT[2]))
-        time.sleep(_LOWER_S)
-        return lowered
 
     def step(self, seconds: float, way: tuple[float, float, float]) -> Moved:
         """Move both hands on a straight way, from rest to rest: to the right, up, back [m]."""

@@ -164,7 +164,6 @@ def run_turn(around: World, browser: Browser, mode: str, seconds: float, screens
             wrist_mm = _reach(around, worn)
             if screenshot is not None:
                 worn.screenshot(screenshot)
-            worn.lower()  # the next turn begins where this one did
             worn.let_go()
         _end(process)
     poses, missed, gaps = _arrivals(recording, moved)
@@ -207,7 +206,6 @@ def _reach(around: World, worn: Headset) -> tuple[float, float]:
         time.sleep(REST_S)
         left, right = 1e3 * np.linalg.norm(around.wrists(wanted=False) - target, axis=1)
         if worn.follows and worn.changes == changes:
-            worn.step(STEP_S, (-step[0], -step[1], -step[2]))
             return float(left), float(right)
         step = -step
     raise Lost(f"an arm held in each of {ATTEMPTS} attempts to reach: this machine is too busy")

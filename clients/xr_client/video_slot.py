@@ -4,9 +4,9 @@
 - While it has none, newer images replace the one that waits. So a slow page sees fewer images, never older ones, and
   what waits is one image however long it stalls.
 - An acknowledgement of an image that is not under way gives no credit.
-- An image is worth making when nothing is under way, or when what was sent last has made most of its usual way: then
-  the next one is made while that one is shown, and comes when it has been. Asked for at once it would queue behind it,
-  and grow old.
+- An image is worth making when nothing is under way, or when what was sent last should have been shown by now. Made at
+  once it would queue behind that one and grow old, and drawing it would take time from the page where both share a
+  machine.
 """
 
 import math
@@ -15,8 +15,6 @@ from ik_proto.stereo_packet import StereoFrame
 
 CREDITS = 2
 
-_SHARE = 0.75
-"""Part of its way that an image must have made before the next one is made."""
 _SMOOTHING = 0.2
 
 
@@ -55,7 +53,7 @@ class VideoSlot:
         if not self._under_way:
             return 0.0
         # How long an image takes is not known before the first has been shown.
-        return math.inf if self._way is None else max(self._sent + _SHARE * self._way - now, 0.0)
+        return math.inf if self._way is None else max(self._sent + self._way - now, 0.0)
 
     def offer(self, frame: StereoFrame) -> None:
         """Put an image into the slot, in the place of what waits there."""

@@ -156,7 +156,7 @@ def test_the_smallest_letters_are_a_degree_high(used_rig):
     assert 1.0 <= degrees < 1.5
 
 
-def test_text_is_drawn_when_it_changes_and_ten_times_a_second_at_most(rig):
+def test_states_are_drawn_at_once_and_numbers_twice_a_second(rig):
     drawn = rig.js(
         """(hud) => {
           let cleared = 0;
@@ -173,13 +173,15 @@ def test_text_is_drawn_when_it_changes_and_ten_times_a_second_at_most(rig):
             return cleared;
           };
           rig.draw();
-          const changing = run((i) => { hud.left.position_error_mm = i; });
-          return [changing, run(() => {})];
+          const numbers = run((i) => { hud.left.position_error_mm = i; });
+          const states = run((i) => { hud.left.state = i % 6 < 3 ? "hold" : "active"; });
+          return [numbers, states, run(() => {})];
         }""",
         hud(),
     )
-    assert 8 <= drawn[0] <= 13
-    assert drawn[1] <= 1
+    assert 2 <= drawn[0] <= 4  # in 1.2 s
+    assert 19 <= drawn[1] <= 22
+    assert drawn[2] <= 1
 
 
 def test_hands_are_points_in_the_arms_colour_and_grips_are_larger(rig):

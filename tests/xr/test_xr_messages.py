@@ -121,8 +121,8 @@ def test_the_latest_image_goes_next_and_credits_bound_what_is_under_way():
     assert slot.take(0.0) is None
 
 
-def test_an_image_is_worth_making_when_the_last_has_made_most_of_its_way():
-    """At once for a page that has none; then when 3/4 of the usual way have passed, so that images do not queue."""
+def test_an_image_is_worth_making_when_the_last_should_have_been_shown():
+    """At once for a page that has none; then when the usual time has passed, so that images do not queue."""
     slot = VideoSlot()
     assert slot.worth_making(5.0) == 0.0
     slot.offer(frame(1))
@@ -133,11 +133,11 @@ def test_an_image_is_worth_making_when_the_last_has_made_most_of_its_way():
     assert slot.worth_making(5.1) == 0.0
     slot.offer(frame(2))
     slot.take(6.0)
-    assert slot.worth_making(6.0) == pytest.approx(0.075)
-    assert slot.worth_making(6.05) == pytest.approx(0.025)
-    assert slot.worth_making(6.08) == 0.0
+    assert slot.worth_making(6.0) == pytest.approx(0.1)
+    assert slot.worth_making(6.06) == pytest.approx(0.04)
+    assert slot.worth_making(6.12) == 0.0
     slot.offer(frame(3))
-    slot.take(6.08)
+    slot.take(6.12)
     assert slot.worth_making(7.0) == math.inf  # no credit
     slot.acknowledge(2, 7.0)
     assert slot.worth_making(7.0) == 0.0

@@ -19,6 +19,8 @@ import { XrSession } from "./xr_session.js";
 const VERSION = "1";
 const NO_LINK = { open: false, reason: "the address has no token", stopped: true, refused: true };
 const NO_VIDEO = { open: false, reason: "it comes when you enter", fps: 0, shownMs: null };
+/** How often the page outside of the headset is brought up to date while a session runs [ms]. */
+const MIRROR_PERIOD = 500;
 const LOST = "The headset took the graphics away, so the session has ended and the arms hold. Enter again.";
 
 const token = location.hash.slice(1);
@@ -58,6 +60,7 @@ const page = new FirstPage({
 watchForErrors((words) => page.showFault(words));
 
 let video = null;
+let mirrorDue = 0;
 const graphics = new Graphics(document.getElementById("view"), () => {
   page.showFault(LOST);
   xr.leave();
@@ -100,7 +103,12 @@ function hear(hud) {
     buzz(xr.session.inputSources, ikxr.hud, hud);
   }
   ikxr.hud = hud;
-  page.showRobot(ikxr);
+  // Nobody looks at the page while the headset shows the session, and writing text takes time from its frames.
+  const now = performance.now();
+  if (xr.session === null || now >= mirrorDue) {
+    mirrorDue = now + MIRROR_PERIOD;
+    page.showRobot(ikxr);
+  }
 }
 
 async function enter(mode) {

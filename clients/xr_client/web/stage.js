@@ -3,7 +3,7 @@
  *
  * - The left eye gets the left image and the right eye the right one; everything else stands at one place for both.
  * - Newest wins: an image that was not drawn yet is closed when the next one comes.
- * - `hud` may be called as often as one likes; text is drawn when it changes, at most ten times a second.
+ * - `hud` may be called as often as one likes; states and notes are drawn when they change, numbers at most twice a second.
  * - A lost WebGL context is no error: nothing is drawn until the browser restores it, then everything is built anew.
  */
 
@@ -11,14 +11,14 @@ import { EyePictures } from "./eye_pictures.js";
 import { PointCloud } from "./gl_points.js";
 import { Quads } from "./gl_quads.js";
 import { HudPanel } from "./hud_panel.js";
-import { hudText, pictureNotice } from "./hud_text.js";
+import { OLD, hudText, pictureNotice } from "./hud_text.js";
 import { multiply } from "./matrix.js";
 import { NoticePanel } from "./notice_panel.js";
 import { Placement } from "./placement.js";
 import { RGB } from "./tones.js";
 
 /** How often text may change [ms]. */
-const TEXT_PERIOD = 100;
+const TEXT_PERIOD = 500;
 /** The void around the screen, red to blue. */
 const VOID = [0.03, 0.035, 0.045];
 /** How bright a picture is while it counts, and when it is too old. */
@@ -60,6 +60,8 @@ export class Stage {
     this._state = { hud: null, link: null, video: null };
     this._tones = ["idle", "idle"];
     this._textDue = -Infinity;
+    this._said = "";
+    this._old = true;
     this._clip = new Float32Array(16);
     this._build();
     gl.canvas.addEventListener("webglcontextlost", (event) => {
@@ -89,6 +91,12 @@ export class Stage {
    */
   hud(state) {
     this._state = state;
+    const { left, right, note } = state.hud ?? {};
+    const said = [left?.state, left?.reason, right?.state, right?.reason, note, state.link?.open].join("\n");
+    if (said !== this._said) {
+      this._said = said;
+      this._textDue = -Infinity;
+    }
   }
 
   /** Place the screen anew: where the head looks in the next frame. */
@@ -113,9 +121,12 @@ export class Stage {
     const gl = this._gl;
     const now = this._clock();
     const seq = this._pictures.upload();
-    if (now >= this._textDue) {
+    const age = this._pictures.age(now);
+    const old = age === null || age > OLD;
+    if (now >= this._textDue || old !== this._old) {
       this._textDue = now + TEXT_PERIOD;
-      this._write(this._pictures.age(now));
+      this._old = old;
+      this._write(age);
     }
     this._placement.update(head, this.mode, this._pictures.aspect, this._pictures.fovDeg);
     this._points.place(points);
