@@ -4,11 +4,10 @@ import asyncio
 import contextlib
 import json
 import re
-import select
 import subprocess
 import sys
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from typing import Any
 import aiohttp
 import numpy as np
 import pytest
+from processes import LIMIT, running
 from xr_samples import at, controller, packet
 
 from ik_client import IKClient
@@ -26,29 +26,9 @@ from xr_client.packets import encode_packet
 from xr_client.recording import Recorder, read_recording
 from xr_client.settings import Settings, SettingsError
 
-LIMIT = 60.0
 SIDEWAYS = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 UP = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 ATTEMPTS = 5
-
-
-@contextlib.contextmanager
-def running(*command: Any, log: Path) -> Generator[tuple[subprocess.Popen[str], dict[str, Any]]]:
-    """A process and the line of JSON with which it says that it is ready."""
-    with (
-        log.open("w") as errors,
-        subprocess.Popen(
-            [sys.executable, "-m", *map(str, command)], stdout=subprocess.PIPE, stderr=errors, text=True
-        ) as process,
-    ):
-        assert process.stdout is not None
-        try:
-            assert select.select([process.stdout], [], [], LIMIT)[0], log.read_text()
-            line = process.stdout.readline()
-            assert line, log.read_text()
-            yield process, json.loads(line)
-        finally:
-            process.kill()
 
 
 @pytest.fixture(scope="module")
