@@ -1,0 +1,1 @@
+"""A gamepad drives both wrists of a robot by velocity."""
