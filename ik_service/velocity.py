@@ -20,7 +20,7 @@ from ik_proto.limits import (
 )
 from ik_service.problem import COLLISION, Collision, bind
 from ik_service.robot import Robot
-from ik_service.velocity_kernel import VelocityKernel, VelocityLoader
+from ik_service.velocity_kernel import VelocityKernel
 from ik_service.velocity_law import ARM_REPORT, FREE, REPORT, VelocityLayout, row_names
 
 WHOLE = 0.999
@@ -186,30 +186,6 @@ class RateController:
             return kind, joint
         half = self._halves[i]
         return "speed", self._robot.joint_names[half.start + int(np.argmax(np.abs(dq[half])))]
-
-
-class RateControl:
-    """A controller that is made when it is first asked, since few services are; each thread needs its own."""
-
-    def __init__(self, loader: VelocityLoader) -> None:
-        """Keep what loads the kernel; other threads may share it."""
-        self._loader = loader
-        self._controller: RateController | None = None
-
-    @property
-    def ready(self) -> bool:
-        """Whether the kernel is loaded; loading takes seconds where it has to be compiled, else some tenths of one."""
-        return self._loader.loaded
-
-    def get(self) -> RateController:
-        """Return the controller, after loading the kernel if need be."""
-        if self._controller is None:
-            self._controller = RateController(self._loader.robot, self._loader.kernel())
-        return self._controller
-
-    def copy(self) -> "RateControl":
-        """Make one for another thread."""
-        return RateControl(self._loader)
 
 
 def _vector(parts: dict[str, slice]) -> tuple[np.ndarray, dict[str, np.ndarray]]:

@@ -22,7 +22,7 @@ import numpy as np
 from ik_proto import LimitedBy
 from ik_service.chains import ArmChain
 from ik_service.dampers import ROUNDING, Farthest, damper, farthest, held_back
-from ik_service.layout import AVOID, OFF, mount
+from ik_service.layout import AVOID, OFF, JointCounts, mount
 from ik_service.newton import when
 from ik_service.pair_rows import MOTIONS, pair_rows
 from ik_service.proximity import Proximity
@@ -59,22 +59,8 @@ REPORT = (*(f"{key}_{side}" for side in ("left", "right") for key in ARM_REPORT)
 """Then clearance [m] and place of the nearest pair of capsules, and the place of the pair that slows both arms."""
 
 
-@dataclass(frozen=True)
-class VelocityLayout:
-    """Where things are in the vectors.
-
-    Attributes:
-        nq: Arm joints, both arms.
-        waist: Waist joints.
-    """
-
-    nq: int
-    waist: int
-
-    @classmethod
-    def of(cls, robot: Robot) -> "VelocityLayout":
-        """Lay out the vectors of a robot."""
-        return cls(robot.nq, len(robot.waist.joint_names))
+class VelocityLayout(JointCounts):
+    """Where things are in the vectors of the rate control."""
 
     @property
     def request(self) -> dict[str, slice]:

@@ -356,8 +356,6 @@ class IKClient:
     ) -> VelocityReply:
         """Find the joint velocities that give both wrists their twists, as far as nothing limits them.
 
-        The very first call may time out: the service loads what answers it, and goes on meanwhile.
-
         Args:
             left_twist: Linear [m/s] and angular velocity [rad/s] of the left wrist, shape (6,); shape (3,) for the
                 linear velocity with no rotation wanted.

@@ -27,8 +27,8 @@ STRAIGHT = 1.4202
 
 
 @pytest.fixture(scope="module")
-def kernel(robot: Robot, velocity_kernel_cache: Path) -> VelocityKernel:
-    return load_velocity_kernel(robot, folder=velocity_kernel_cache)
+def kernel(robot: Robot, kernel_cache: Path) -> VelocityKernel:
+    return load_velocity_kernel(robot, folder=kernel_cache)
 
 
 @pytest.fixture(scope="module")
