@@ -38,6 +38,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ik_proto.limits import SINGULAR_LINEAR, SINGULAR_TWIST
 from ik_service.chains import ArmChain, WaistChain
 from ik_service.kinematics import WristPose, wrist_pose
 from ik_service.ldl import Factors, factorize
@@ -45,9 +46,8 @@ from ik_service.ldl import Factors, factorize
 LENGTH = 0.3
 """Length that makes a rotation comparable with a translation [m]: about the lever of a hand about its elbow."""
 
-SINGULAR = {"held": 5e-4, "free": 1e-3}
-"""Manipulability below which a posture counts as singular, of the whole twist [m^3] and of its linear part [m^3]. The
-G1's arm comes below the first with the elbow 0.04 rad from straight; half of its postures are beyond six times that."""
+SINGULAR = {"held": SINGULAR_TWIST, "free": SINGULAR_LINEAR}
+"""Manipulability below which a posture counts as singular, of the whole twist [m^3] and of its linear part [m^3]."""
 
 INNER = 0.02
 """Share of the damping that goes into the inverse itself: enough to keep it finite, too little to bend the direction
