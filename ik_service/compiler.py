@@ -25,14 +25,10 @@ from pathlib import Path
 
 from ik_service.private_folder import folder_fault, is_private
 
-FLAGS = (
-    *("-std=gnu89", "-O3", "-march=native", "-fno-math-errno", "-fno-semantic-interposition", "-fPIC", "-shared"),
-    *("-fno-gcse", "-fno-tree-pre"),
-)
+FLAGS = ("-std=gnu89", "-O3", "-march=native", "-fno-math-errno", "-fno-semantic-interposition", "-fPIC", "-shared")
 """Compiler flags. Not -ffast-math: the kernel relies on comparisons with NaN and on exact limits. In C89, CasADi writes
 minimum and maximum as comparisons, one instruction each; no function may be replaced from outside, so that these and
-others are inlined, which halves the time of a distance. The last two leave out searches for repeated expressions, which
-CasADi has made already: they take a sixth of the time of a compilation, and the code is as fast without."""
+others are inlined, which halves the time of a distance."""
 
 COMPILE_TIMEOUT = 120.0
 """Time after which a compiler is given up [s]; it takes some seconds."""
