@@ -33,7 +33,8 @@ class Velocity:
 
     Attributes:
         dq: Joint velocities [rad/s], shape (nq,).
-        twists: What they make of the wrists in the request's frame, linear [m/s] and angular [rad/s], shape (2, 6).
+        twists: What they make of the wrists in the middle of the period, in the request's frame, linear [m/s] and
+            angular [rad/s], shape (2, 6).
         manipulability: sqrt(det(J J^T)) of the whole twist, or of its linear part where that alone counts [m^3], shape
             (2,).
         damping: Damping that was used, zero where none was needed, shape (2,).
@@ -101,7 +102,7 @@ class RateController:
         collision: Collision = "avoid",
         waist: np.ndarray | None = None,
     ) -> Velocity:
-        """Find the joint velocities of both arms.
+        """Find the joint velocities of both arms for the period to come.
 
         Args:
             left_twist: Wanted linear velocity of the left wrist [m/s] and its angular velocity [rad/s], shape (6,); of
@@ -109,7 +110,7 @@ class RateController:
             right_twist: The same of the right wrist.
             q: Joint positions [rad], shape (nq,).
             dq: Joint velocities that the arms have, as last commanded [rad/s], shape (nq,); None leaves the
-                acceleration unbounded.
+                acceleration unbounded, and takes the Jacobians at q instead of half a period later.
             frame: "pelvis", or "hand" for twists along the axes of each hand.
             law: "adaptive" or "fixed".
             hold: Whether the orientation of each hand is controlled; else it is left free. The fixed law leaves it
