@@ -54,6 +54,7 @@ def looks(scene, pose_model) -> dict[str, Look]:
     out = {}
     for second, name in enumerate(POSTURES):
         colour = shot(scene, still(name), 0.0).colour
+        assert colour is not None
         _, p = posed(scene, still(name), 0.0)
         joints = scene.in_camera(scene.person.joints(p))
         assert detector.detect(colour, second) is not None, name

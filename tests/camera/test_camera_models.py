@@ -4,6 +4,7 @@ import io
 import stat
 import zipfile
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -197,4 +198,4 @@ def plain(tree: object) -> object:
         return [plain(part) for part in tree]
     if hasattr(tree, "__dict__"):
         return {name: plain(part) for name, part in vars(tree).items()}
-    return tree.tobytes() if hasattr(tree, "tobytes") else tree
+    return tree.tobytes() if isinstance(tree, np.ndarray) else tree

@@ -132,11 +132,12 @@ def by_hand(path: Path, files: dict[str, bytes], form: int = tarfile.USTAR_FORMA
 def parts(**changes: Any) -> dict[str, bytes]:
     """The files of a recording of one frame, by Pillow; `meta` and `line` change what they say."""
     one = frame()
+    assert one.colour is not None
     assert one.depth is not None
     jpeg, png = io.BytesIO(), io.BytesIO()
     Image.fromarray(one.colour).save(jpeg, "JPEG", quality=95)
     Image.fromarray(one.depth).save(png, "PNG")
-    meta = {"format": "ikcam", "version": 1, "width": 32, "height": 24, "depth": True}
+    meta: dict[str, Any] = {"format": "ikcam", "version": 1, "width": 32, "height": 24, "depth": True}
     meta |= {"fx": 515.25, "fy": 514.75, "cx": 15.5, "cy": 11.5}
     line = {"t_capture": 1.5, "held": True}
     return {
