@@ -109,7 +109,7 @@ def test_other_tools_read_it(tmp_path):
             member = archive.extractfile(name)
             assert member is not None
             contents[name] = member.read()
-    assert names == ["meta.json", *(f"0000000{k}.{kind}" for k in range(3) for kind in ("jpg", "png", "json"))]
+    assert names == ["meta.json", *(f"0000000{k}.{kind}" for k in range(3) for kind in ("jpg", "png", "time.json"))]
     assert json.loads(contents["meta.json"])["fx"] == CAMERA.fx
     for k, (read, held) in enumerate(opened(path).frames()):
         np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(contents[f"0000000{k}.png"]))), read.depth)
@@ -117,7 +117,7 @@ def test_other_tools_read_it(tmp_path):
         assert read.colour is not None
         # Two decoders may round differently.
         assert np.abs(colour.astype(int) - read.colour).max() <= 4
-        assert json.loads(contents[f"0000000{k}.json"]) == {"t_capture": read.t_capture, "held": held}
+        assert json.loads(contents[f"0000000{k}.time.json"]) == {"t_capture": read.t_capture, "held": held}
 
 
 def by_hand(path: Path, files: dict[str, bytes], form: int = tarfile.USTAR_FORMAT) -> Path:
@@ -144,7 +144,7 @@ def parts(**changes: Any) -> dict[str, bytes]:
         "meta.json": json.dumps(meta | changes.get("meta", {})).encode(),
         "00000007.jpg": jpeg.getvalue(),
         "00000007.png": png.getvalue(),
-        "00000007.json": json.dumps(line | changes.get("line", {})).encode(),
+        "00000007.time.json": json.dumps(line | changes.get("line", {})).encode(),
     }
 
 
@@ -263,10 +263,10 @@ def test_frames_that_go_back_in_time_are_refused(tmp_path):
 @pytest.mark.parametrize(
     "order",
     [
-        ("00000007.jpg", "meta.json", "00000007.png", "00000007.json"),
-        ("meta.json", "00000007.png", "00000007.jpg", "00000007.json"),
-        ("meta.json", "00000007.jpg", "00000007.json"),
-        ("meta.json", "00000007.jpg", "00000007.jpg", "00000007.png", "00000007.json"),
+        ("00000007.jpg", "meta.json", "00000007.png", "00000007.time.json"),
+        ("meta.json", "00000007.png", "00000007.jpg", "00000007.time.json"),
+        ("meta.json", "00000007.jpg", "00000007.time.json"),
+        ("meta.json", "00000007.jpg", "00000007.jpg", "00000007.png", "00000007.time.json"),
         ("meta.json", "meta.json"),
         ("meta.json", "../../etc/passwd"),
         ("meta.json", "00000007.jpg", "00000008.png"),
