@@ -154,7 +154,10 @@ class Recording:
         self._file.close()
 
     def _read(self, begin: int, size: int) -> bytes:
-        return os.pread(self._file.fileno(), size, begin)
+        try:
+            return os.pread(self._file.fileno(), size, begin)
+        except ValueError:
+            raise RecordingError(f"{self.path} is closed") from None
 
     def _scan(self) -> tuple[Meta, list[Entry]]:
         files = read_files(self._file.fileno(), _largest)
