@@ -270,20 +270,23 @@ def test_frames_that_go_back_in_time_are_refused(tmp_path):
         ("meta.json", "meta.json"),
         ("meta.json", "../../etc/passwd"),
         ("meta.json", "00000007.jpg", "00000008.png"),
+        ("meta.json", "\x1b[2J.jpg"),
         ("meta.json",),
         (),
     ],
 )
 def test_files_out_of_place_are_refused(tmp_path, order):
-    files = parts() | {"../../etc/passwd": b"", "00000008.png": parts()["00000007.png"]}
+    files = parts() | {"../../etc/passwd": b"", "00000008.png": parts()["00000007.png"], "\x1b[2J.jpg": b""}
     path = tmp_path / "take.ikcam"
     with tarfile.open(path, "w", format=tarfile.USTAR_FORMAT) as archive:
         for name in order:
             info = tarfile.TarInfo(name)
             info.size = len(files[name])
             archive.addfile(info, io.BytesIO(files[name]))
-    with pytest.raises(RecordingError):
+    with pytest.raises(RecordingError) as caught:
         opened(path)
+    # A terminal is not to be told what to do by a name.
+    assert str(caught.value).isprintable()
 
 
 def header(name: str, **fields: Any) -> bytes:
