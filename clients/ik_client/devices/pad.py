@@ -13,6 +13,7 @@ from ik_client.devices.errors import DeviceError
 
 if TYPE_CHECKING:
     from pygame._sdl2.controller import Controller
+    from pygame.joystick import JoystickType
 
 AXES = ("left_stick_x", "left_stick_y", "right_stick_x", "right_stick_y", "left_trigger", "right_trigger")
 """Names of axes, in SDL's order (SDL_GameControllerAxis)."""
@@ -101,16 +102,17 @@ class Pad:
         connected: Whether it is there.
     """
 
-    def __init__(self, controller: "Controller") -> None:
-        """Open it.
+    def __init__(self, controller: "Controller", joystick: "JoystickType") -> None:
+        """Take it over.
 
         Args:
-            controller: SDL's.
+            controller: SDL's, opened for this pad alone.
+            joystick: The same device without names of positions, which knows its number.
         """
         self._controller = controller
-        self._joystick = controller.as_joystick()
+        self._joystick = joystick
         self.name: str = controller.name
-        self.id: int = self._joystick.get_instance_id()
+        self.id: int = joystick.get_instance_id()
         self.connected = True
 
     def look(self) -> bool:

@@ -76,8 +76,7 @@ class Devices:
                     self._look_for_pads()
         self.keys, self.pressed = frozenset(held), frozenset(pressed)
         # Not left to an event: a pad that is gone must be noticed in this very tick.
-        if not all([pad.look() for pad in self.pads]):
-            self.pads = tuple(pad for pad in self.pads if pad.connected)
+        self.pads = tuple(pad for pad in self.pads if pad.look())
 
     def knows_key(self, name: str) -> bool:
         """Whether a key has this name on any keyboard."""
@@ -135,13 +134,16 @@ class Devices:
 
     def _look_for_pads(self) -> None:
         """Open those that are not known yet: the index that an event tells may no longer be right."""
-        for index in range(self._controller.get_count()):
+        known = {pad.id for pad in self.pads}
+        for index in range(self._pygame.joystick.get_count()):
             try:
-                pad = Pad(self._controller.Controller(index))
+                joystick = self._pygame.joystick.Joystick(index)
+                if joystick.get_instance_id() in known or not self._controller.is_controller(index):
+                    continue
+                pad = Pad(self._controller.Controller(index), joystick)
             except self._pygame.error:
-                continue  # It is no gamepad, or gone already.
-            if pad.id not in (known.id for known in self.pads):
-                self.pads = (*self.pads, pad)
+                continue  # It is gone already.
+            self.pads = (*self.pads, pad)
 
 
 @contextlib.contextmanager
