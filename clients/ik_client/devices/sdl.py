@@ -48,6 +48,7 @@ class Devices:
         self.has_window = window is not None
         self._pygame, self._controller = _load(mappings)
         self._screen: Any = None
+        self._count = 0
         try:
             self._begin(window, title)
         except self._pygame.error as error:
@@ -72,11 +73,8 @@ class Devices:
                 case pygame.QUIT | pygame.WINDOWCLOSE:
                     held.clear()
                     self.closed = True
-                case pygame.CONTROLLERDEVICEADDED | pygame.JOYDEVICEADDED:
-                    self._look_for_pads()
         self.keys, self.pressed = frozenset(held), frozenset(pressed)
-        # Not left to an event: a pad that is gone must be noticed in this very tick.
-        self.pads = tuple(pad for pad in self.pads if pad.look())
+        self._look_at_pads()
 
     def knows_key(self, name: str) -> bool:
         """Whether a key has this name on any keyboard."""
@@ -129,11 +127,16 @@ class Devices:
         pygame.joystick.init()
         self._controller.init()
         # A stick moves in hundreds of events a second; where it is, is asked once a tick.
-        unwanted = (getattr(pygame, name) for name in ("JOYAXISMOTION", "CONTROLLERAXISMOTION", "MOUSEMOTION"))
-        pygame.event.set_blocked(list(unwanted))
+        pygame.event.set_blocked([pygame.JOYAXISMOTION, pygame.CONTROLLERAXISMOTION, pygame.MOUSEMOTION])
 
-    def _look_for_pads(self) -> None:
-        """Open those that are not known yet: the index that an event tells may no longer be right."""
+    def _look_at_pads(self) -> None:
+        """Notice which have gone and come. Not left to events: some are lost, and the index they tell may be old."""
+        there, count = tuple(pad for pad in self.pads if pad.look()), self._pygame.joystick.get_count()
+        changed, self.pads, self._count = (there, count) != (self.pads, self._count), there, count
+        if changed:
+            self._open_new_pads()
+
+    def _open_new_pads(self) -> None:
         known = {pad.id for pad in self.pads}
         for index in range(self._pygame.joystick.get_count()):
             try:
