@@ -351,3 +351,18 @@ def test_importing_devices_loads_neither_sdl_nor_evdev():
     code = "import sys, ik_client.devices; print(sorted({'pygame', 'evdev'} & set(sys.modules)))"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "[]"
+
+
+def test_however_pads_come_and_go_those_that_are_there_are_known(devices):
+    rng = np.random.default_rng(1)
+    live: list[VirtualPad] = []
+    for _ in range(200):
+        if rng.random() < 0.5 and len(live) < 5:
+            live.append(VirtualPad())
+        elif live:
+            live.pop(rng.integers(len(live))).unplug()
+        if rng.random() < 0.6:
+            devices.pump()
+            assert len(devices.pads) == len(live)
+    for virtual in live:
+        virtual.unplug()
