@@ -153,6 +153,7 @@ class RateLoop:
         if q is None:
             q = self._limiter.limit(last.q, resting_goal(tick.measured, last), tick.time - last.time)
         command = self._send(q, tick.time, self._motion(wish, reply) if moving else None)
+        sent = self._clock()
         idle = None if moving else self._look_at_service(tick, command)
         self._ask_torque(tick, command)
         return RateReport(
@@ -161,6 +162,7 @@ class RateLoop:
             moving=moving,
             reason="" if moving else tick.reason or self._absent or self._reason,
             command=command,
+            sent=sent,
             wish=wish,
             homing=homing and moving,
             at_home=self._home(len(q)).arrived(q),
