@@ -142,7 +142,8 @@ class RateLoop:
             tick.measured = self._port.read()
             self._last = first_command(tick.measured, tick.time)
         last = self._last
-        self._robot.look(tick.measured, self._read(tick, len(last.q)), last.engaged, tick.time)
+        robot_fault = self._read(tick, len(last.q))
+        self._robot.look(tick.measured, robot_fault, last.engaged, tick.time)
         wish = self._look_at_operator(tick)
         self._judge(tick, wish, last)
         reply, q = None, None
@@ -229,7 +230,7 @@ class RateLoop:
             if tick.measured is None:
                 raise Hold("the robot cannot be read")
             if wish.home:
-                velocity = self._home(len(last.q)).velocity(last.q)
+                velocity = self._ramped(self._home(len(last.q)).velocity(last.q))
             else:
                 reply = self._ask(tick, wish.twists, wish, last)
                 velocity = self._usable(reply, len(last.q), tick.time)
@@ -269,6 +270,16 @@ class RateLoop:
             raise
         self._service.succeeded()
         return dq
+
+    def _ramped(self, wanted: Array) -> Array:
+        """A velocity towards the wanted one, no faster than the largest acceleration, all joints by the same share.
+
+        The service does so with its answers; where each joint was left to the limiter, the way would be bent.
+        """
+        velocity = self._limiter.velocity
+        change = wanted - velocity
+        most = self._law.max_acceleration * self._limiter.period
+        return velocity + change * min(1.0, most / max(float(np.abs(change).max()), 1e-12))
 
     def _move(self, tick: Tick, velocity: Array, last: Command) -> Array:
         since = tick.time - last.time

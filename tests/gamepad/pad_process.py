@@ -5,8 +5,8 @@
     unplug | plug | rest
     key space 1 | focus 0          of the keyboard, in a window that nobody sees
 
-Run as `python pad_process.py [--events FILE] OPTIONS OF IK-GAMEPAD`. Each line is carried out at once, in a thread of its
-own, as a hand would; the file tells when, by the monotonic clock that all processes of a machine share.
+Run as `python pad_process.py [--events FILE] OPTIONS OF IK-GAMEPAD`. Each line is carried out at once, in a thread of
+its own, as a hand would; the file tells when, by the monotonic clock that all processes of a machine share.
 """
 
 import json
