@@ -309,7 +309,7 @@ except ImportError as error:
 
 
 ANYTHING = st.floats(-5.0, 5.0) | st.just(np.nan) | st.just(np.inf)
-VELOCITIES = st.lists(hnp.arrays(np.float64, 3, elements=ANYTHING), min_size=1, max_size=60)
+VELOCITIES = st.lists(hnp.arrays(np.float64, 3, elements=ANYTHING), min_size=1, max_size=12)
 
 
 @given(wanted=VELOCITIES, start=hnp.arrays(np.float64, 3, elements=st.floats(-1.5, 1.5)), uneven=st.booleans())

@@ -67,10 +67,10 @@ def test_no_robot_and_no_service_get_one_line_each(robot):
     assert free in one_line(run("--robot", robot, "--service", free, program=with_a_pad))
 
 
-def test_a_home_that_is_in_the_body_gets_one_line(rate_service, robot, tmp_path):
+def test_a_home_that_is_in_the_body_gets_one_line(service_process, robot, tmp_path):
     home = tmp_path / "home.toml"
     home.write_text("left_elbow_joint = 1.2\nright_elbow_joint = 1.2\n")
-    options = ("--robot", robot, "--service", rate_service.tcp_url, "--home", home)
+    options = ("--robot", robot, "--service", service_process.tcp_url, "--home", home)
     line = one_line(run(*options, program=[sys.executable, PAD]))
     assert re.search(r"would be -?\d+ mm apart there, and the arms keep 5: choose another posture", line)
 
