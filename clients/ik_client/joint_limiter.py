@@ -190,14 +190,42 @@ class JointLimiter:
         Raises:
             ValueError: The last command is not n finite numbers.
         """
-        if not np.array_equal(q_last, self._q):
-            if np.shape(q_last) != self._q.shape or not np.isfinite(q_last).all():
-                raise ValueError(f"the last command must be {len(self._q)} finite numbers and is not")
-            self._restart(q_last)
+        self._begin(q_last)
         self._haste = haste
         step = interval(dt, self.period)
         if not (self._meet(q_wanted, step) or self._go_on(step)):
             self._brake(step)
+        return self._q.copy()
+
+    def move(self, q_last: Array, velocity: Array, dt: float | None = None) -> Array:
+        """Move from the last command at wanted velocities, each kept for a whole tick.
+
+        What is wanted is taken exactly where it keeps the bounds of velocity and acceleration, as differences of
+        commands: so joints that are led together stay together. Jerk is as it is wanted.
+
+        Args:
+            q_last: Last command, as in `limit`.
+            velocity: How the joints shall move, shape (n,) [rad/s]; one without a finite velocity brakes and holds. One
+                that nears its limit is slowed so that it can stop there.
+            dt: Time since the last command, as in `limit` [s].
+
+        Returns:
+            The next command, shape (n,) [rad], finite. A new array.
+
+        Raises:
+            ValueError: The last command is not n finite numbers.
+        """
+        self._begin(q_last)
+        step, most = interval(dt, self.period), self._acceleration_limit
+        wanted = np.where(np.isfinite(velocity), velocity, 0.0)
+        wanted = np.clip(wanted, -self._velocity_limit, self._velocity_limit)
+        above = _stoppable(self._upper - self._q, most, step)
+        below = _stoppable(self._q - self._lower, most, step)
+        wanted = np.maximum(np.minimum(wanted, above), -below)
+        # The acceleration last: a joint that begins beyond its limit is not thrown back.
+        v = np.clip(wanted, self._velocity - most * step, self._velocity + most * step)
+        self.resume(self._q + v * step, v, np.zeros(len(v)))
+        self._moving_goal.forget()
         return self._q.copy()
 
     def resume(self, q: Array, velocity: Array, acceleration: Array) -> None:
@@ -210,6 +238,14 @@ class JointLimiter:
         """
         self._q, self._velocity, self._acceleration = np.array(q), np.array(velocity), np.array(acceleration)
         self._planned = False
+
+    def _begin(self, q_last: Array) -> None:
+        """Go on from the last command, or start anew where it is not ours."""
+        if np.array_equal(q_last, self._q):
+            return
+        if np.shape(q_last) != self._q.shape or not np.isfinite(q_last).all():
+            raise ValueError(f"the last command must be {len(self._q)} finite numbers and is not")
+        self._restart(q_last)
 
     def _restart(self, q: Array) -> None:
         self._q = np.array(q, dtype=np.float64)
@@ -303,6 +339,14 @@ class JointLimiter:
         """Positions, velocities and accelerations of a plan, out of its moving frame."""
         q, velocity, acceleration = plan.at_time(time)
         return np.array(q) + drift * time, np.array(velocity) + drift, np.array(acceleration)
+
+
+def _stoppable(room: Array, acceleration: Array, step: float) -> Array:
+    """Largest velocity that may be kept for a tick before braking evenly within some room, shape (n,) [rad/s].
+
+    The v of v T + v^2 / (2 a) = d; none where there is no room.
+    """
+    return acceleration * (np.sqrt(step**2 + 2.0 * np.maximum(room, 0.0) / acceleration) - step)
 
 
 def interval(dt: float | None, period: float) -> float:

@@ -1,38 +1,16 @@
-"""What a run of `ik-xr` did: told while it goes on, summed up at the end, written for programs."""
+"""What a run of `ik-xr` did: that of its loop, and the packets that came."""
 
-import json
-from collections.abc import Iterator
-from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ik_client.arm_joints import joints_of
-from ik_client.state_machine import ArmState
-from ik_client.tick_report import TickReport
-from ik_proto import Array
-from xr_client.latency import Latency
+from ik_client.loop_report import LoopReport
 from xr_client.stages import Stages
 from xr_client.tracker import Tracker
 
-_SIDES = ("left", "right")
-_BRAKING_TICKS = 25
-"""Time to come to rest from any motion, and to spare [ticks]."""
 
+class RunReport(LoopReport):
+    """Takes in every tick."""
 
-class RunReport:
-    """Takes in every tick.
-
-    Attributes:
-        stages: Latencies of the way.
-        lateness: How long after they were due ticks began.
-        ticks: Ticks of the loop.
-        active: Ticks in which an arm followed a hand.
-        engagements: How often an arm began to follow.
-        late: Ticks that began more than a period late.
-        step_at_rest: Largest step in a tick of the commands to an arm that had not followed for half a second [rad].
-    """
+    stages: Stages
 
     def __init__(self, stages: Stages, tracker: Tracker) -> None:
         """Start empty.
@@ -41,65 +19,13 @@ class RunReport:
             stages: Latencies; filled by others.
             tracker: Counts packets.
         """
-        self.stages = stages
-        self.lateness = Latency()
-        self.ticks = 0
-        self.active = 0
-        self.engagements = 0
-        self.late = 0
-        self.step_at_rest = 0.0
-        self._resting = [0, 0]
-        self._command: Array | None = None
+        super().__init__(stages)
         self._tracker = tracker
-        self._states = (ArmState.DISARMED, ArmState.DISARMED)
-
-    def observe(self, report: TickReport) -> list[str]:
-        """Take a tick; give what has changed, a line each."""
-        changed = [
-            (name, arm)
-            for name, arm, before in zip(_SIDES, report.arms, self._states, strict=True)
-            if arm.state is not before
-        ]
-        self._states = (report.arms[0].state, report.arms[1].state)
-        self.ticks += 1
-        self.active += ArmState.ACTIVE in self._states
-        self.engagements += sum(arm.state is ArmState.ACTIVE for _, arm in changed)
-        self._watch_rest(report.command.q)
-        return [f"{name} arm: {arm.state}" + (f", {arm.reason}" if arm.reason else "") for name, arm in changed]
-
-    def _watch_rest(self, q: Array) -> None:
-        for side, state in enumerate(self._states):
-            self._resting[side] = 0 if state is ArmState.ACTIVE else self._resting[side] + 1
-            # Before the first grip the commands are wherever the robot's end holds its joints, and move with them.
-            if self.engagements and self._command is not None and self._resting[side] > _BRAKING_TICKS:
-                arm = joints_of(side, len(q))
-                step = float(np.abs(q[arm] - self._command[arm]).max())
-                self.step_at_rest = max(self.step_at_rest, step)
-        self._command = q
-
-    def lines(self) -> Iterator[str]:
-        """The summary for a person."""
-        yield (
-            f"{self.ticks} ticks, {self.late} of them late; {self.engagements} engagements, "
-            f"an arm followed in {self.active / max(self.ticks, 1):.0%} of the time"
-        )
-        yield from self.stages.table()
 
     def document(self) -> dict[str, Any]:
         """All of it, JSON-ready; latencies in milliseconds, packets those of the last connection."""
-        order, lateness = self._tracker.order, self.lateness.summary()
-        return {
-            "ticks": self.ticks,
-            "late": self.late,
-            "lateness_ms": asdict(lateness) if lateness else None,
-            "active": self.active,
-            "engagements": self.engagements,
-            "step_at_rest": self.step_at_rest,
+        order = self._tracker.order
+        return super().document() | {
             "connections": self._tracker.connections,
             "packets": {"accepted": order.accepted, "dropped": order.dropped, "missed": order.missed},
-            "stages_ms": self.stages.document(),
         }
-
-    def write(self, path: Path) -> None:
-        """Write the document as JSON."""
-        path.write_text(json.dumps(self.document(), indent=2) + "\n", encoding="utf-8")

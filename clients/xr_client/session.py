@@ -6,7 +6,6 @@ The loop ticks at the robot's own rate in the main thread; the web server has a 
 import contextlib
 import io
 import json
-import ssl
 import time
 from collections.abc import Callable
 
@@ -16,7 +15,9 @@ from ik_client.client import IKClient
 from ik_client.clutch import Clutch
 from ik_client.engagement import ArmEngagement
 from ik_client.joint_limiter import JointLimiter
-from ik_client.robot_end import RobotLink, RobotSilent
+from ik_client.pacer import Pacer
+from ik_client.robot_end import RobotLink
+from ik_client.start import SettingsError, await_state, info_for, trusting, writable
 from ik_client.teleop import TeleopLoop
 from ik_proto import InfoReply
 from xr_client.calibration import arm_scale, fit_neck
@@ -24,12 +25,11 @@ from xr_client.desktop import open_page
 from xr_client.frames import SEED_GRIP, GripOffset, pose_of, to_robot
 from xr_client.gateway import Gateway, open_gateway
 from xr_client.hud_board import HudBoard
-from xr_client.pacer import Pacer
 from xr_client.recording import Recorder, read_recording
 from xr_client.reference import HeadReference, StandingReference
 from xr_client.replay import Replay
 from xr_client.run_report import RunReport
-from xr_client.settings import Settings, SettingsError
+from xr_client.settings import Settings
 from xr_client.stages import Stages
 from xr_client.tracker import Tracker
 from xr_client.video_feed import VideoFeed
@@ -37,7 +37,6 @@ from xr_client.visitors import Visitors
 
 Say = Callable[[str], None]
 
-_INFO_TIMEOUT, _STATE_TIMEOUT = 2.0, 2.0
 _REST_TICKS = 50
 """Ticks after a replay in which the arms come to rest."""
 
@@ -60,11 +59,11 @@ def run(settings: Settings, say: Say, *, terminal: bool, keep_going: Callable[[]
     """
     tracker, stages = _tracker(settings), Stages()
     recorded = read_recording(settings.replay) if settings.replay else None
-    keep = _writable(settings)
+    keep = writable(settings.report)
     with contextlib.ExitStack() as stack:
-        robot = stack.enter_context(RobotLink(settings.robot, ssl=_trusting(settings)))
+        robot = stack.enter_context(RobotLink(settings.robot, ssl=trusting(settings.ca)))
         period = robot.welcome.period
-        info = _info(settings, robot)
+        info = info_for(robot, settings.robot, settings.service, settings.ca)
         client = stack.enter_context(IKClient(settings.service, timeout=0.5 * period, ca=settings.ca))
         board = HudBoard(stages)
         source = Replay(recorded, tracker, lambda: board.robot_ready) if recorded else tracker
@@ -84,9 +83,9 @@ def run(settings: Settings, say: Say, *, terminal: bool, keep_going: Callable[[]
             )
             _feed(settings, robot, gateway, board, stack)
             _welcome(gateway, say, terminal=terminal)
-        _await_state(robot, period)
+        await_state(robot)
         report = RunReport(stages, tracker)
-        stack.callback(keep, report)
+        stack.callback(keep, report.write)
         _loop(loop, board, source, gateway, report, Pacer(period), keep_going, say)
         if settings.release:
             loop.release()
@@ -120,8 +119,7 @@ def _loop(
 
     while keep_going() and rest:
         pacer.wait()
-        report.lateness.add(1e3 * pacer.behind)
-        report.late = pacer.late
+        report.paced(pacer)
         tick()
         if gateway is not None:
             pose = gateway.pose
@@ -130,23 +128,6 @@ def _loop(
         rest -= isinstance(source, Replay) and source.finished
     loop.stop("ik-xr ends")
     tick()
-
-
-def _await_state(robot: RobotLink, period: float) -> None:
-    """Wait for a fresh state: the first tick needs one, and starting may have taken all of a busy machine.
-
-    Raises:
-        RobotSilent: None comes.
-    """
-    end = time.monotonic() + _STATE_TIMEOUT
-    while True:
-        try:
-            robot.read()
-            return
-        except RobotSilent:
-            if time.monotonic() > end:
-                raise
-        time.sleep(period)
 
 
 def _welcome(gateway: Gateway, say: Say, *, terminal: bool) -> None:
@@ -168,27 +149,6 @@ def _feed(settings: Settings, robot: RobotLink, gateway: Gateway, board: HudBoar
     url = robot.welcome.eyes if settings.video == "auto" else settings.video
     feed = stack.enter_context(VideoFeed(url, robot.welcome.robot, gateway.video))
     board.explain_pictures(lambda: feed.fault if gateway.video.watched else "")
-
-
-def _trusting(settings: Settings) -> ssl.SSLContext | None:
-    if settings.ca is None:
-        return None
-    try:
-        return ssl.create_default_context(cafile=settings.ca)
-    except OSError as error:  # an ssl.SSLError is one too
-        raise SettingsError(f"{settings.ca} holds no certificate of an authority ({error.strerror})") from None
-
-
-def _info(settings: Settings, robot: RobotLink) -> InfoReply:
-    """What the service says of itself; it must serve this very robot."""
-    with IKClient(settings.service, timeout=_INFO_TIMEOUT, ca=settings.ca) as asking:
-        info = asking.info()
-    if tuple(info.joint_names) != robot.welcome.joint_names:
-        raise SettingsError(
-            f"{settings.service} serves robot {info.robot!r} with other arm joints than {robot.welcome.robot!r} at "
-            f"{settings.robot}: start both for the same robot"
-        )
-    return info
 
 
 def _tracker(settings: Settings) -> Tracker:
@@ -220,16 +180,3 @@ def _recorder(settings: Settings, stack: contextlib.ExitStack) -> Callable[[byte
         raise SettingsError(f"{settings.record} cannot be written: {error.strerror}") from None
     assert isinstance(file, io.BufferedWriter)
     return Recorder(file).write
-
-
-def _writable(settings: Settings) -> Callable[[RunReport], None]:
-    """What writes the report; whether it can is found out before the run."""
-    path = settings.report
-    if path is None:
-        return lambda _report: None
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch()
-    except OSError as error:
-        raise SettingsError(f"{path} cannot be written: {error.strerror}") from None
-    return lambda report: report.write(path)

@@ -5,12 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ik_client.eyes.source import check_url
+from ik_client.start import SettingsError
 
 REFERENCES = ("standing", "openwbt")
-
-
-class SettingsError(ValueError):
-    """Options that cannot be used; one line that says what to do."""
 
 
 @dataclass(frozen=True, slots=True)

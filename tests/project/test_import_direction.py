@@ -10,6 +10,8 @@ ALLOWED = {
     "proto/ik_proto": {"ik_proto"},
     "clients/ik_client": {"ik_proto", "ik_client"},
     "clients/xr_client": {"ik_proto", "ik_client", "xr_client"},
+    "clients/camera_client": {"ik_proto", "ik_client", "camera_client"},
+    "clients/gamepad_client": {"ik_proto", "ik_client", "gamepad_client"},
     "sim_client": {"ik_proto", "ik_client", "sim_client"},
     "ik_service": {"ik_proto", "ik_service"},
 }

@@ -21,10 +21,11 @@ from xr_samples import at, controller, packet
 from ik_client import IKClient
 from ik_client.joint_limiter import MotionLimits
 from ik_client.robot_end import RobotLink, RobotSilent
+from ik_client.start import SettingsError
 from xr_client import session
 from xr_client.packets import encode_packet
 from xr_client.recording import Recorder, read_recording
-from xr_client.settings import Settings, SettingsError
+from xr_client.settings import Settings
 
 SIDEWAYS = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 UP = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])

@@ -1,15 +1,16 @@
-"""The command's options, its mistakes in one line each, and its schedule."""
+"""The command's options, its mistakes in one line each, and its browser."""
 
 import threading
 from functools import partial
 
 import pytest
 
+from ik_client.command import EXIT_USAGE
 from ik_client.robot_end import RobotLink
+from ik_client.start import SettingsError
 from xr_client import desktop, session
-from xr_client.cli import EXIT_USAGE, main
-from xr_client.pacer import MAX_BACKLOG, Pacer
-from xr_client.settings import Settings, SettingsError
+from xr_client.cli import main
+from xr_client.settings import Settings
 
 
 @pytest.mark.parametrize(
@@ -80,41 +81,3 @@ def test_a_browser_is_opened_only_where_there_is_a_screen(screen, opened, monkey
     monkeypatch.setattr(desktop.webbrowser, "open", lambda url: there.set())
     assert desktop.open_page("http://localhost/") is opened
     assert there.wait(10.0 if opened else 0.0) is opened
-
-
-class FakeTime:
-    def __init__(self) -> None:
-        self.now = 0.0
-
-    def clock(self) -> float:
-        return self.now
-
-    def sleep(self, time: float) -> None:
-        self.now += time + 0.001  # every sleep is too long
-
-
-def test_oversleeping_does_not_add_up():
-    time = FakeTime()
-    pacer = Pacer(0.02, time.clock, time.sleep)
-    for _ in range(101):
-        pacer.wait()
-    assert time.now == pytest.approx(100 * 0.02 + 0.001)
-    assert (pacer.late, pacer.moved) == (0, 0)
-
-
-def test_a_short_delay_is_made_up_for_and_a_long_one_is_not():
-    time = FakeTime()
-    pacer = Pacer(0.02, time.clock, time.sleep)
-    pacer.wait()
-    time.now += 0.045
-    for _ in range(3):
-        pacer.wait()
-    assert time.now == pytest.approx(0.061)
-    assert (pacer.late, pacer.moved) == (1, 0)
-    time.now += 10.0
-    pacer.wait()
-    assert pacer.moved == 1
-    assert pacer.behind == pytest.approx(10.0 - 0.02 + 0.001, abs=0.021)
-    assert pacer.late == 2
-    pacer.wait()
-    assert time.now > 10.061 + MAX_BACKLOG / 3
