@@ -21,6 +21,7 @@ from camera_client.limb_map import DepthEvidence, fit_depths
 from camera_client.monocular import MODEL_SIGMA, model_depths
 from camera_client.surface import OFFSETS, arm_offsets, covered, shoulder_shift, shoulders_seen
 from camera_client.trunk_plane import trunk_turn
+from camera_client.vectors import length
 from ik_proto import Array
 
 ACROSS_SIGMA = 0.012
@@ -225,6 +226,9 @@ def lift(
     # Where nothing is measured, the comparisons are false.
     off = (seen.depth[ARMS] - places[ARMS, 2]).reshape(2, 3)[:, 1:]
     confirmed = (np.abs(off) < _CONFIRMED).any(axis=1) & ~(off < -_CONFIRMED).any(axis=1)
+    if shoulders is not None:
+        # What drags a shoulder out of the trunk is no arm.
+        confirmed &= length(arms[:, 0] - shoulders) < _CONFIRMED
     return Lifted(places, sigma, usable, confirmed | seen.guessed)
 
 
