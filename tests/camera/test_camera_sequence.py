@@ -79,7 +79,7 @@ def test_what_mediapipe_found_is_followed(scene):
     observer = Observer.seeded(3)
     observer.recorded = recorded("as_measured")
     calibration = calibrated(scene, observer)
-    (one,) = follow(moments(scene, FULL, begin=5.4, end=8.4), [observer], [calibration])
+    (one,) = follow(moments(scene, FULL, begin=4.4, end=8.0), [observer], [calibration])
     ours, thesis = one.ours.score(FULL), one.thesis.score(FULL)
     print(f"\nours   {ours}\nthesis {thesis}")
     assert ours.wrist_mean <= 0.040
