@@ -3,7 +3,8 @@
     patches ─> depths on rays ─> Kalman filter ─> pelvis frame ─> limbs ─> rejoin ─> wrist orientation
 
 - A frame without a credible body, or with somebody else's, moves nothing: both arms are held.
-- An arm of which a joint is out of view is held where it was. It comes back without a jump, see `rejoin`.
+- An arm of which a joint is out of view, or that depth says is behind something, is held where it was. It comes back
+  without a jump, see `rejoin`.
 - A frame without depth is lifted by the pose model's own guess of the body, see `monocular`; the estimate says so.
 - Frames come in the order of their capture; one that does not is refused.
 """
@@ -19,7 +20,7 @@ from camera_client.estimate import ArmsEstimate
 from camera_client.frame import RgbdFrame
 from camera_client.kalman import JointFilter, Mask
 from camera_client.landmarks import ARMS, HIPS, SHOULDERS, TRACKED, Landmarks
-from camera_client.lift import lift, surfaces
+from camera_client.lift import Surfaces, lift, surfaces
 from camera_client.operator_lock import OperatorLock
 from camera_client.rejoin import Rejoin
 from camera_client.torso import BodyFrame, Torso
@@ -28,8 +29,14 @@ from camera_client.wrist_basis import WristBasis, flexion_weight
 
 _LOST = 0.3
 """Time without measurement after which a joint may be anywhere [s]."""
+_DOUBT = 0.1
+"""Time for which an arm is followed that the camera does not see where it is placed [s]."""
+_ARM_OF = np.array([-1, 0, 0, -1, 1, 1, -1, -1])
+"""Which arm elbows and wrists belong to, shape (8,)."""
 _SURE, _UNSURE = 0.04, 0.12
 """Standard deviations of a wrist's position of full and of no confidence [m]."""
+_ACCELERATION = np.array([6.0, 12.0, 12.0, 6.0, 12.0, 12.0, 4.0, 4.0])
+"""Standard deviations of the joints' accelerations: a trunk is slower than a hand [m/s^2]."""
 _HANGING = np.array([0.0, 0.0, -1.0])
 """Where the limbs of an arm are that was never seen."""
 _NEVER = -math.inf
@@ -61,13 +68,14 @@ class Chain:
         self.lock = OperatorLock()
         self.latest: ArmsEstimate | None = None
         self._calibration = calibration
-        self._filter = JointFilter(len(TRACKED))
+        self._filter = JointFilter(len(TRACKED), _ACCELERATION)
         self._torso = Torso(calibration.level_rotation(), calibration.hips_below)
         self._basis = WristBasis()
         self._rejoin = Rejoin()
         self._shown: _Shown | None = None
         self._time = _NEVER
         self._monocular = False
+        self._doubt = np.zeros(2)
         self._measured = np.full(len(TRACKED), _NEVER)
 
     def update(self, frame: RgbdFrame, landmarks: Landmarks | None) -> ArmsEstimate | None:
@@ -97,18 +105,22 @@ class Chain:
         self._monocular = frame.depth is None
         if not self.lock.admit(seen.place, self._time):
             return self._hold("somebody else is before the camera")
-        positions, sigma, measured = lift(seen, landmarks, self._filter, self._calibration)
+        lifted = lift(seen, landmarks, self._filter, self._calibration, self._torso.shoulders())
+        hidden = seen.seen[ARMS].reshape(2, 3).all(axis=1) & ~lifted.confirmed
+        self._doubt += np.where(hidden, dt, -2.0 * dt)
+        self._doubt = self._doubt.clip(0.0, 2.0 * _DOUBT)
+        measured = lifted.measured & ~np.isin(_ARM_OF, np.flatnonzero(hidden | (self._doubt > _DOUBT)))
         self._measured[measured] = self._time
         self._filter.forget(self._time - self._measured > _LOST)
-        anew = self._filter.update(positions, sigma, measured)
-        return self._show(seen.seen, anew, dt)
+        anew = self._filter.update(lifted.positions, lifted.sigma, measured)
+        return self._show(seen, anew, dt)
 
-    def _show(self, seen: Mask, anew: Mask, dt: float) -> ArmsEstimate | None:
+    def _show(self, seen: Surfaces, anew: Mask, dt: float) -> ArmsEstimate | None:
         known = self._filter.known
         if not known[SHOULDERS].all():
             return self._hold("the shoulders are not seen")
-        body = self._torso.update(self._filter.position, known, dt)
-        tracked = np.asarray((seen & known)[ARMS].reshape(2, 3).all(axis=1))
+        body = self._torso.update(self._filter.position, known, dt, seen.sure, seen.front)
+        tracked = np.asarray((seen.seen & known)[ARMS].reshape(2, 3).all(axis=1)) & (self._doubt <= _DOUBT)
         joints = body.points(self._filter.position[ARMS]).reshape(2, 3, 3)
         shoulders, limbs = joints[:, 0], unit(joints[:, 1:] - joints[:, :-1])
         if self._shown is not None:

@@ -19,11 +19,11 @@ from ik_proto import Array
 
 LENGTH_SIGMA = 0.05
 """How well a limb between two pixels has its length: a model's pixels are off by more than a tape measure is [m]."""
-RELATIVE_SIGMA = 0.10
+RELATIVE_SIGMA = 0.15
 """How well a pose model knows how much deeper one joint is than another [m]."""
 
 _CAUCHY = 4.0
-_ITERATIONS = 5
+_ITERATIONS = 4
 _NEAREST = 0.2
 """No joint is nearer to the camera [m]."""
 
