@@ -1,4 +1,8 @@
-"""Takes arms of people to the robot: wrist basis, scaling, inverse kinematics and limiter, without camera or wire."""
+"""Takes arms of people to the robot: wrist basis, scaling, inverse kinematics, limiter and the check behind it.
+
+As the loop does it, without camera or wire. The check belongs to it: between two clear answers an arm's momentum takes
+it into the body, and a solver that begins there opens on whichever side is nearer.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,8 +15,10 @@ from skinned_person import Array
 from camera_client.estimate import ORIENTATION_FLOOR
 from camera_client.scaling import G1_ARMS, elbow_hints, wrist_positions
 from camera_client.wrist_basis import WristBasis, flexion_weight
+from ik_client.clear_way import ClearWay
 from ik_client.joint_limiter import JointLimiter
 from ik_proto.robots import RobotDescription
+from ik_service.gauge import Gauge
 from ik_service.robot import Robot
 from ik_service.solver import Solver
 
@@ -31,6 +37,7 @@ class Replay:
     Attributes:
         wanted: Joints as solved, shape (n, nq) [rad].
         commanded: Joints as limited, shape (n, nq) [rad].
+        clearance: Of the command, shape (n,) [m].
         elbow_off: Angle between the upper arms of person and answer, shape (n, 2) [degree].
         wrist_off: Of the answer from its target, shape (n, 2) [m].
         turn_off: The same of its orientation, shape (n, 2) [rad].
@@ -42,6 +49,7 @@ class Replay:
 
     wanted: Array
     commanded: Array
+    clearance: Array
     elbow_off: Array
     wrist_off: Array
     turn_off: Array
@@ -62,6 +70,7 @@ class Retargeting:
             description: Describes it; its model says where elbows are.
         """
         self._robot, self._solver = robot, solver
+        self._gauge = Gauge(robot, solver.kernel)
         self._model = pin.buildModelFromMJCF(str(description.model))
         self._data = self._model.createData()
         self._base = self._model.getFrameId(description.base)
@@ -74,6 +83,7 @@ class Retargeting:
         """
         robot, basis = self._robot, WristBasis()
         limiter = JointLimiter(robot.nq, 1.0 / RATE, lower=robot.lower, upper=robot.upper)
+        way = ClearWay(limiter, lambda q, _: self._gauge.clearance(q)[0])
         command = np.zeros(robot.nq)
         rows = []
         for now in limbs:
@@ -86,12 +96,14 @@ class Retargeting:
             asked: dict[str, Any] = {"left_elbow": hints[0], "right_elbow": hints[1], "weights": weights}
             answer = self._solver.solve(T[0], T[1], command, **asked)
             any_answer = self._solver.solve(T[0], T[1], command, mode="reach", **asked)
-            command = limiter.limit(command, answer.q)
+            command = way.step(command, answer.q, 1.0 / RATE, None)
+            clearance = self._gauge.clearance(command[None])[0][0]
             off, any_off = self._elbow_off(answer.q, now), self._elbow_off(any_answer.q, now)
             there = (any_answer.position_error < REACHED[0]) & (any_answer.rotation_error < REACHED[1])
             possible = there & (any_off < ELBOW_LIKE)
             motion = limiter.velocity, limiter.acceleration
-            rows.append((answer.q, command, off, answer.position_error, answer.rotation_error, possible, *motion))
+            errors = answer.position_error, answer.rotation_error
+            rows.append((answer.q, command, clearance, off, *errors, possible, *motion))
         return Replay(*(np.array(column) for column in zip(*rows, strict=True)))
 
     def _elbow_off(self, q: Array, limbs: Array) -> Array:

@@ -1,7 +1,7 @@
 """Recorded motion of people on the robot: wrist basis, scaling, inverse kinematics with elbow hints, limiter.
 
 Of what the solver answers it is only asked that it is within the limits: people move faster than the robot may, and
-their hands pass where the robot's body is. Of what is commanded everything is.
+their hands pass where the robot's body is. Of what is commanded everything is, and that it is clear of the body.
 """
 
 from pathlib import Path
@@ -11,6 +11,7 @@ import pytest
 from human_motion import HumanMotion, human_motions
 from retargeting import ELBOW_LIKE, RATE, Replay, Retargeting
 
+from ik_client.clear_way import KEPT
 from ik_client.joint_limiter import MotionLimits
 from ik_proto.robots import load_description
 from ik_service.kernel import load_kernel
@@ -48,6 +49,7 @@ def assert_within_bounds(replay: Replay, robot: Robot):
     for q in (replay.wanted, replay.commanded):
         assert (q >= robot.lower).all()
         assert (q <= robot.upper).all()
+    assert replay.clearance.min() >= KEPT
     # A jump is a step that the limiter's bounds do not allow.
     bounds = MotionLimits()
     step = np.abs(np.diff(replay.commanded, axis=0, prepend=replay.commanded[:1]))
