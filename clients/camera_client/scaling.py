@@ -24,12 +24,14 @@ class RobotArms:
         upper: From there to the elbow [m].
         fore: From the elbow to the wrist target [m].
         hint_origins: Where the IK service measures elbow hints from, the first joint of each arm, shape (2, 3) [m].
+        mount: Where the body is that the arms are mounted on, the last joint of the waist, shape (3,) [m].
     """
 
     shoulders: Array
     upper: float
     fore: float
     hint_origins: Array
+    mount: Array
 
 
 G1_ARMS = RobotArms(
@@ -37,6 +39,7 @@ G1_ARMS = RobotArms(
     upper=0.1845,
     fore=0.2342,
     hint_origins=np.array([[0.0, 0.10022, 0.29178], [0.0, -0.10022, 0.29178]]),
+    mount=np.array([-0.0039635, 0.0, 0.044]),
 )
 """A Unitree G1: its shoulder roll joints, elbow joints, `L_ee` and `R_ee` at the zero posture."""
 
