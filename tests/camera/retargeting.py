@@ -1,7 +1,8 @@
-"""Takes arms of people to the robot: wrist basis, scaling, inverse kinematics, limiter and the check behind it.
+"""Takes arms of people to the robot, as the loop does it, without camera or wire.
 
-As the loop does it, without camera or wire. The check belongs to it: between two clear answers an arm's momentum takes
-it into the body, and a solver that begins there opens on whichever side is nearer.
+Wrist basis, way out of the body, scaling, inverse kinematics, limiter and the check behind it. The check belongs to it:
+between two clear answers an arm's momentum takes it into the body, and a solver that begins there opens on whichever
+side is nearer.
 """
 
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 from skinned_person import Array
 
+from camera_client.clear_arms import ClearArms
 from camera_client.estimate import ORIENTATION_FLOOR
 from camera_client.scaling import G1_ARMS, elbow_hints, wrist_positions
 from camera_client.wrist_basis import WristBasis, flexion_weight
@@ -42,7 +44,7 @@ class Replay:
         wrist_off: Of the answer from its target, shape (n, 2) [m].
         turn_off: The same of its orientation, shape (n, 2) [rad].
         possible: Whether some posture within limits and clear of the body, looked for from many starts, has the wrist
-            where it is wanted and the upper arm like the person's, shape (n, 2).
+            where the person's is, not where it is moved to, and the upper arm like the person's, shape (n, 2).
         velocity: Of the command, shape (n, nq) [rad/s].
         acceleration: Of the command, shape (n, nq) [rad/s^2].
     """
@@ -71,6 +73,7 @@ class Retargeting:
         """
         self._robot, self._solver = robot, solver
         self._gauge = Gauge(robot, solver.kernel)
+        self._clear = ClearArms(G1_ARMS, description)
         self._model = pin.buildModelFromMJCF(str(description.model))
         self._data = self._model.createData()
         self._base = self._model.getFrameId(description.base)
@@ -87,15 +90,9 @@ class Retargeting:
         command = np.zeros(robot.nq)
         rows = []
         for now in limbs:
-            T = np.tile(np.eye(4), (2, 1, 1))
-            T[:, :3, :3] = basis.update(now[:, 0], now[:, 1], 1.0 / RATE, np.ones(2))
-            T[:, :3, 3] = wrist_positions(now, G1_ARMS)
-            hints = elbow_hints(now, np.ones(2), G1_ARMS)
-            turned = ORIENTATION_FLOOR + (1.0 - ORIENTATION_FLOOR) * flexion_weight(now[:, 0], now[:, 1])
-            weights = np.stack([np.ones(2), turned], axis=1)
-            asked: dict[str, Any] = {"left_elbow": hints[0], "right_elbow": hints[1], "weights": weights}
-            answer = self._solver.solve(T[0], T[1], command, **asked)
-            any_answer = self._solver.solve(T[0], T[1], command, mode="reach", **asked)
+            R = basis.update(now[:, 0], now[:, 1], 1.0 / RATE, np.ones(2))
+            answer = self._solver.solve(q=command, **_request(*self._clear(now, R)))
+            any_answer = self._solver.solve(q=command, mode="reach", **_request(now, R))
             command = way.step(command, answer.q, 1.0 / RATE, None)
             clearance = self._gauge.clearance(command[None])[0][0]
             off, any_off = self._elbow_off(answer.q, now), self._elbow_off(any_answer.q, now)
@@ -121,3 +118,13 @@ class Retargeting:
         base = self._data.oMf[self._base]
         names = [arm.joint_names[3] for arm in self._robot.arms]
         return np.stack([base.actInv(self._data.oMi[self._model.getJointId(name)]).translation for name in names])
+
+
+def _request(limbs: Array, R_pelvis_wrist: Array) -> dict[str, Any]:
+    """What is asked of the solver for both arms."""
+    T = np.tile(np.eye(4), (2, 1, 1))
+    T[:, :3, :3], T[:, :3, 3] = R_pelvis_wrist, wrist_positions(limbs, G1_ARMS)
+    hints = elbow_hints(limbs, np.ones(2), G1_ARMS)
+    turned = ORIENTATION_FLOOR + (1.0 - ORIENTATION_FLOOR) * flexion_weight(limbs[:, 0], limbs[:, 1])
+    wrists = {"left_wrist": T[0], "right_wrist": T[1], "weights": np.stack([np.ones(2), turned], axis=1)}
+    return {**wrists, "left_elbow": hints[0], "right_elbow": hints[1]}
