@@ -35,6 +35,10 @@ APART = 0.02
 MOST_APART = np.radians(45.0)
 """Largest turn of a forearm away from the other hand [rad]."""
 
+ROOM = 0.01
+"""What forearms keep beyond the margin of the solver's answers [m]: these arms are straight lines from shoulders that
+do not move, and the robot's elbows are up to 14 mm beside them."""
+
 _GRID = np.linspace(0.0, 1.0, 25)
 _SIDEWAYS = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
 
@@ -57,6 +61,7 @@ class ClearArms:
 
     Attributes:
         body: What they are turned out of, at a straight waist, pelvis frame.
+        kept: Clearance that they keep [m].
     """
 
     def __init__(self, robot: RobotArms, description: RobotDescription) -> None:
@@ -67,7 +72,7 @@ class ClearArms:
             description: Its description.
         """
         self._robot = robot
-        self._margin = description.collision.margin
+        self.kept = description.collision.margin + ROOM
         torso = description.waist[-1] if description.waist else description.base
         fixed = {description.base: np.zeros(3), torso: robot.mount}
         self.body = _capsules(description, fixed)
@@ -94,7 +99,7 @@ class ClearArms:
         elbows, here = self._elbows(limbs), np.zeros((1, 3))
         room = [self._room(side, elbows[side], limbs[side, 1], R_pelvis_wrist[side], here)[0] for side in (0, 1)]
         between = self._room_between(elbows, limbs[:, 1], R_pelvis_wrist, np.zeros((1, 2, 3)))[0]
-        return np.array(room) + self._margin, float(between) + self._margin
+        return np.array(room) + self.kept, float(between) + self.kept
 
     def _elbows(self, limbs: Array) -> Array:
         return self._robot.shoulders + self._robot.upper * limbs[:, 0]
@@ -115,10 +120,10 @@ class ClearArms:
         return unit(np.array([from_trunk[0] + BEHIND, _SIDEWAYS[side, 1] * outward, 0.0]))
 
     def _room(self, side: int, elbow: Array, f: Array, R: Array, turns: Array) -> Array:
-        """Clearance beyond the margin of a forearm from the body after each of some turns, shape (n,) [m]."""
+        """Clearance beyond what is kept of a forearm from the body after each of some turns, shape (n,) [m]."""
         hand, body = self._posed(side, elbow, f, R, turns), self.body
         gaps = segment_distances(hand[:, :, None], body.ends[None, None])
-        gaps -= self._hands[side].radii[:, None] + body.radii + self._margin
+        gaps -= self._hands[side].radii[:, None] + body.radii + self.kept
         return gaps.min(axis=(1, 2))
 
     def _apart(self, elbows: Array, f: Array, R: Array) -> Array:
@@ -133,10 +138,10 @@ class ClearArms:
         return _needed(self._room_between(elbows, f, R, _GRID[:, None, None] * turns)) * turns
 
     def _room_between(self, elbows: Array, f: Array, R: Array, turns: Array) -> Array:
-        """Clearance beyond the margin of one forearm and hand from the other after turns, shape (n,) [m]."""
+        """Clearance beyond what is kept of one forearm and hand from the other after turns, shape (n,) [m]."""
         left, right = (self._posed(side, elbows[side], f[side], R[side], turns[:, side]) for side in (0, 1))
         gaps = segment_distances(left[:, :, None], right[:, None])
-        gaps -= self._hands[0].radii[:, None] + self._hands[1].radii + self._margin
+        gaps -= self._hands[0].radii[:, None] + self._hands[1].radii + self.kept
         return gaps.min(axis=(1, 2))
 
     def _posed(self, side: int, elbow: Array, f: Array, R: Array, turns: Array) -> Array:

@@ -78,11 +78,12 @@ class Retargeting:
         self._data = self._model.createData()
         self._base = self._model.getFrameId(description.base)
 
-    def replay(self, limbs: Array) -> Replay:
+    def replay(self, limbs: Array, *, kept_clear: bool = True) -> Replay:
         """Do a clip.
 
         Args:
             limbs: Unit directions of upper arms and forearms at `RATE`, pelvis frame, shape (n, 2, 2, 3).
+            kept_clear: Whether forearms are kept out of the body.
         """
         robot, basis = self._robot, WristBasis()
         limiter = JointLimiter(robot.nq, 1.0 / RATE, lower=robot.lower, upper=robot.upper)
@@ -91,7 +92,8 @@ class Retargeting:
         rows = []
         for now in limbs:
             R = basis.update(now[:, 0], now[:, 1], 1.0 / RATE, np.ones(2))
-            answer = self._solver.solve(q=command, **_request(*self._clear(now, R)))
+            asked = self._clear(now, R) if kept_clear else (now, R)
+            answer = self._solver.solve(q=command, **_request(*asked))
             any_answer = self._solver.solve(q=command, mode="reach", **_request(now, R))
             command = way.step(command, answer.q, 1.0 / RATE, None)
             clearance = self._gauge.clearance(command[None])[0][0]

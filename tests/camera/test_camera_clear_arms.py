@@ -14,8 +14,8 @@ from ik_service.collision import Carrier
 from ik_service.robot import Robot
 
 DESCRIPTION = load_description("g1")
-MARGIN = DESCRIPTION.collision.margin
 CLEAR_ARMS = ClearArms(G1_ARMS, DESCRIPTION)
+KEPT = CLEAR_ARMS.kept
 ROUNDING = 2e-3
 """Between the points of the grid the clearance is not quite linear [m]."""
 
@@ -81,11 +81,11 @@ def test_what_is_inside_comes_out_and_what_is_clear_stays(seed, side):
     R = hands_of(limbs)
     moved, moved_R = CLEAR_ARMS(limbs, R)
     assert np.array_equal(moved[1 - side], limbs[1 - side])
-    if CLEAR_ARMS.clearance(limbs, R)[0][side] >= MARGIN:
+    if CLEAR_ARMS.clearance(limbs, R)[0][side] >= KEPT:
         assert np.array_equal(moved, limbs)
         assert np.array_equal(moved_R, R)
     else:
-        assert CLEAR_ARMS.clearance(moved, moved_R)[0][side] == pytest.approx(MARGIN, abs=ROUNDING)
+        assert CLEAR_ARMS.clearance(moved, moved_R)[0][side] == pytest.approx(KEPT, abs=ROUNDING)
 
 
 @given(seed=seeds)
@@ -139,7 +139,7 @@ def test_hands_leave_the_body_on_the_side_on_which_they_are():
     before_the_chest, _ = CLEAR_ARMS(through, hands_of(through))
     assert before_the_chest[0, 1, 0] > through[0, 1, 0] + 0.3
     behind = arms([[-0.5, 0.1, -1.0], [-0.1, -0.7, -1.0]], [[0.0, -1.0, 0.0], [0.0, -1.0, 0.0]])
-    assert CLEAR_ARMS.clearance(behind, hands_of(behind))[0][0] < MARGIN
+    assert CLEAR_ARMS.clearance(behind, hands_of(behind))[0][0] < KEPT
     still_behind, _ = CLEAR_ARMS(behind, hands_of(behind))
     assert still_behind[0, 1, 0] < 0.0
 
@@ -147,9 +147,9 @@ def test_hands_leave_the_body_on_the_side_on_which_they_are():
 def test_hands_that_meet_leave_each_other_by_the_same_angle():
     folded = arms([[0.3, 0.2, -1.0], [1.0, -0.42, 0.0]], [[0.3, -0.2, -1.0], [1.0, 0.42, 0.0]])
     R = hands_of(folded)
-    assert CLEAR_ARMS.clearance(folded, R)[1] < MARGIN
+    assert CLEAR_ARMS.clearance(folded, R)[1] < KEPT
     moved, moved_R = CLEAR_ARMS(folded, R)
-    assert CLEAR_ARMS.clearance(moved, moved_R)[1] >= MARGIN - ROUNDING
+    assert CLEAR_ARMS.clearance(moved, moved_R)[1] >= KEPT - ROUNDING
     turned = np.arccos((moved[:, 1] * folded[:, 1]).sum(axis=1))
     assert turned[0] == pytest.approx(turned[1], abs=1e-6)
     assert turned[0] > 0.02
