@@ -5,7 +5,7 @@
 People who were never seen while the chain was made dance before a rendered depth camera: the full dance, and one drawn
 at random. MediaPipe's *full* model finds their landmarks, depth gets an OAK's noise, and an operator is calibrated on
 the T pose of the same dance. On the same frames: this chain, the same without depth (a webcam), and the published one.
-Then recorded motion of people is taken to the robot: wrist basis, scaling, inverse kinematics, limiter.
+Then recorded motion of people is taken to the robot: wrist basis, way out of the body, inverse kinematics, limiter.
 
 Rendering and MediaPipe take most of the time; `--material` keeps what they gave. Data: `../shared/data`, or `$IK_DATA`.
 Exit code 1: the full dance was followed worse than was asked, or the robot left its bounds.
@@ -34,6 +34,7 @@ from benchmarks.environment import environment
 from benchmarks.load.results import Verdict, at_most, judge, save, verdict_documents
 from camera_client.models import ModelError
 from camera_client.pose_library import NoMediaPipe
+from ik_client.clear_way import KEPT
 from ik_client.joint_limiter import MotionLimits
 from sim_client.gl import NoRendering
 
@@ -76,7 +77,7 @@ def dances_table(rows: Sequence[Danced]) -> Table:
 def replay_table(rows: Sequence[dict[str, Any]]) -> Table:
     """Clips of people's motion."""
     out = Table(title="recorded motion on the robot", title_justify="left")
-    headings = ("clip", "s", "beyond limits [rad]", "fastest [rad/s]", "answer's step [rad]")
+    headings = ("clip", "s", "beyond limits [rad]", "fastest [rad/s]", "clear [mm]", "answer's step [rad]")
     for heading in (*headings, "possible", f"elbow ≤ {ELBOW_LIKE:g} deg", "elbow p95"):
         out.add_column(heading, justify="left" if heading == "clip" else "right")
     for row in rows:
@@ -85,6 +86,7 @@ def replay_table(rows: Sequence[dict[str, Any]]) -> Table:
             f"{row['seconds']:.0f}",
             f"{row['beyond']:.3f}",
             f"{row['step']:.2f}",
+            f"{1000.0 * row['clearance']:.1f}",
             f"{row['wanted_step']:.2f}",
             f"{row['possible']:.0%}",
             f"{row['elbow_like']:.1%}",
@@ -110,6 +112,8 @@ def verdicts(rows: Sequence[Danced], replays: Sequence[dict[str, Any]]) -> list[
     )
     if replays:
         out.append(at_most("beyond a joint limit", max(row["beyond"] for row in replays), 0.0, "rad"))
+        nearest = min(row["clearance"] for row in replays)
+        out.append(at_most("nearer to itself than is kept", 1000.0 * max(KEPT - nearest, 0.0), 0.0, "mm"))
         out.append(
             at_most(
                 "fastest joint",

@@ -157,6 +157,7 @@ def replayed(folder: Path, quick: bool) -> Iterator[dict[str, Any]]:
             "seconds": len(replay.wanted) / RATE,
             "beyond": float(np.maximum(robot.lower - replay.commanded, replay.commanded - robot.upper).max()),
             "step": float(np.abs(np.diff(replay.commanded, axis=0)).max() * RATE),
+            "clearance": float(replay.clearance.min()),
             "wanted_step": float(np.abs(np.diff(replay.wanted, axis=0)).max()),
             "possible": float(possible.mean()),
             "elbow_p95": float(np.percentile(off, 95)) if len(off) else float("nan"),

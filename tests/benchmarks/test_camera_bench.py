@@ -27,6 +27,7 @@ REPLAY: dict[str, Any] = {
     "seconds": 4.0,
     "beyond": -0.05,
     "step": 3.0,
+    "clearance": 0.0061,
     "wanted_step": 0.4,
     "possible": 0.9,
     "elbow_p95": 8.0,
@@ -76,6 +77,7 @@ def test_time_and_bounds_are_judged() -> None:
     assert missed([row(milliseconds=2.1)], [REPLAY]) == ["a frame, median"]
     assert missed([row()], [REPLAY | {"beyond": 0.001}]) == ["beyond a joint limit"]
     assert missed([row()], [REPLAY | {"step": 3.01}]) == ["fastest joint"]
+    assert missed([row()], [REPLAY | {"clearance": 0.0049}]) == ["nearer to itself than is kept"]
 
 
 def test_the_page_takes_the_tables() -> None:
@@ -94,5 +96,5 @@ def test_the_page_takes_the_tables() -> None:
     assert "| somebody | full | ik-camera | 3.0 | 8.0 | 12.0 | 0.2 | 0 | 0 | 0.0 | 12.0 | 16.0 |" in filled
     assert "| somebody | full | as published | 20.0 |" in filled
     assert "| exact depth | 3.0 | 8.0 | 12.0 | 12.0 |" in filled
-    assert "| walk | 4 | 0.050 | 3.00 | 0.40 | 90% | 99.0% | 8.0 |" in filled
+    assert "| walk | 4 | 0.050 | 3.00 | 6.1 | 0.40 | 90% | 99.0% | 8.0 |" in filled
     assert page.fill(filled, numbers) == filled
