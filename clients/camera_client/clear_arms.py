@@ -28,8 +28,8 @@ FOREARM_FROM = 0.5
 """Share of the forearm, from the elbow, that is not looked at: how near the elbow is, the upper arm decides."""
 BEHIND = 0.06
 """How far behind the middle of the shoulders the way out begins [m]: what is inside the chest leaves to the front."""
-ACROSS = 0.05
-"""How far from the trunk's axis a wrist is that leaves to its own side hardly at all [m]."""
+ACROSS = 0.1
+"""Over which width the way out of a wrist that crosses the trunk's middle stops pointing to its own side [m]."""
 APART = 0.02
 """How far apart wrists are that leave each other half as far as they might [m]."""
 MOST_APART = np.radians(45.0)

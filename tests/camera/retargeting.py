@@ -92,9 +92,11 @@ class Retargeting:
         rows = []
         for now in limbs:
             R = basis.update(now[:, 0], now[:, 1], 1.0 / RATE, np.ones(2))
+            turned = ORIENTATION_FLOOR + (1.0 - ORIENTATION_FLOOR) * flexion_weight(now[:, 0], now[:, 1])
+            weights = np.stack([np.ones(2), turned], axis=1)
             asked = self._clear(now, R) if kept_clear else (now, R)
-            answer = self._solver.solve(q=command, **_request(*asked))
-            any_answer = self._solver.solve(q=command, mode="reach", **_request(now, R))
+            answer = self._solver.solve(q=command, weights=weights, **_request(*asked))
+            any_answer = self._solver.solve(q=command, weights=weights, mode="reach", **_request(now, R))
             command = way.step(command, answer.q, 1.0 / RATE, None)
             clearance = self._gauge.clearance(command[None])[0][0]
             off, any_off = self._elbow_off(answer.q, now), self._elbow_off(any_answer.q, now)
@@ -123,10 +125,9 @@ class Retargeting:
 
 
 def _request(limbs: Array, R_pelvis_wrist: Array) -> dict[str, Any]:
-    """What is asked of the solver for both arms."""
+    """Where the solver is asked to take both arms."""
     T = np.tile(np.eye(4), (2, 1, 1))
     T[:, :3, :3], T[:, :3, 3] = R_pelvis_wrist, wrist_positions(limbs, G1_ARMS)
     hints = elbow_hints(limbs, np.ones(2), G1_ARMS)
-    turned = ORIENTATION_FLOOR + (1.0 - ORIENTATION_FLOOR) * flexion_weight(limbs[:, 0], limbs[:, 1])
-    wrists = {"left_wrist": T[0], "right_wrist": T[1], "weights": np.stack([np.ones(2), turned], axis=1)}
+    wrists = {"left_wrist": T[0], "right_wrist": T[1]}
     return {**wrists, "left_elbow": hints[0], "right_elbow": hints[1]}
