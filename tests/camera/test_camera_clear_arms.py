@@ -18,6 +18,8 @@ CLEAR_ARMS = ClearArms(G1_ARMS, DESCRIPTION)
 KEPT = CLEAR_ARMS.kept
 ROUNDING = 2e-3
 """Between the points of the grid the clearance is not quite linear [m]."""
+TOO_FAR = 5e-3
+"""Nor is it turned out exactly as far as is needed [m]."""
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -85,7 +87,8 @@ def test_what_is_inside_comes_out_and_what_is_clear_stays(seed, side):
         assert np.array_equal(moved, limbs)
         assert np.array_equal(moved_R, R)
     else:
-        assert CLEAR_ARMS.clearance(moved, moved_R)[0][side] == pytest.approx(KEPT, abs=ROUNDING)
+        after = CLEAR_ARMS.clearance(moved, moved_R)[0][side]
+        assert KEPT - ROUNDING <= after <= KEPT + TOO_FAR
 
 
 @given(seed=seeds)
