@@ -4,6 +4,7 @@
 
 - A frame without a credible body, or with somebody else's, moves nothing: both arms are held.
 - An arm of which a joint is out of view is held where it was. It comes back without a jump, see `rejoin`.
+- A frame without depth is lifted by the pose model's own guess of the body, see `monocular`; the estimate says so.
 - Frames come in the order of their capture; one that does not is refused.
 """
 
@@ -66,6 +67,7 @@ class Chain:
         self._rejoin = Rejoin()
         self._shown: _Shown | None = None
         self._time = _NEVER
+        self._monocular = False
         self._measured = np.full(len(TRACKED), _NEVER)
 
     def update(self, frame: RgbdFrame, landmarks: Landmarks | None) -> ArmsEstimate | None:
@@ -87,12 +89,12 @@ class Chain:
         dt = dt if math.isfinite(dt) else 0.0
         self._time = frame.t_capture
         self._filter.predict(dt)
-        height, width = frame.depth.shape
-        if landmarks is None or not landmarks.credible(width, height):
+        if landmarks is None or not landmarks.credible(*frame.size):
             return self._hold("nobody faces the camera")
         seen = surfaces(frame, landmarks, self._filter, self._calibration)
         if seen is None:
             return self._hold("no depth on the body")
+        self._monocular = frame.depth is None
         if not self.lock.admit(seen.place, self._time):
             return self._hold("somebody else is before the camera")
         positions, sigma, measured = lift(seen, landmarks, self._filter, self._calibration)
@@ -148,6 +150,7 @@ class Chain:
             elbow_confidence=trust[:, 1],
             yaw=body.yaw,
             note="" if tracked.all() else _out_of_view(tracked),
+            monocular=self._monocular,
         )
         return self.latest
 

@@ -1,4 +1,4 @@
-"""One look of a depth camera: colour, depth, and how pixels and rays belong together.
+"""One look of a camera: colour, depth where it measures any, and how pixels and rays belong together.
 
 The optical frame has x right, y down and z forward, as everywhere in vision. Depth is measured along z. The picture is
 never mirrored: the person's left hand is on its right side.
@@ -49,12 +49,31 @@ class RgbdFrame:
 
     Attributes:
         t_capture: When the light fell in [s], by a clock that never jumps and is the same for all frames.
-        depth: Distance along the optical axis, shape (height, width), 16-bit [mm]; 0 where the camera does not know.
+        depth: Distance along the optical axis, shape (height, width), 16-bit [mm]; 0 where the camera does not know;
+            None of a camera that measures none.
         intrinsics: Of this size of picture.
         colour: Red, green, blue, shape (height, width, 3), 8-bit; None where only depth is at hand.
     """
 
     t_capture: float
-    depth: NDArray[np.uint16]
+    depth: NDArray[np.uint16] | None
     intrinsics: Intrinsics
     colour: NDArray[np.uint8] | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a frame of nothing.
+
+        Raises:
+            ValueError: Neither depth nor colour, or of different sizes.
+        """
+        if self.depth is None and self.colour is None:
+            raise ValueError("a frame needs depth or colour")
+        if self.depth is not None and self.colour is not None and self.depth.shape != self.colour.shape[:2]:
+            raise ValueError(f"depth of {self.depth.shape} does not belong to colour of {self.colour.shape[:2]}")
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the picture [pixel]."""
+        picture = self.colour if self.depth is None else self.depth
+        assert picture is not None
+        return picture.shape[1], picture.shape[0]

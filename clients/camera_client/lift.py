@@ -16,6 +16,7 @@ from camera_client.frame import RgbdFrame
 from camera_client.kalman import JointFilter, Mask
 from camera_client.landmarks import ARMS, HIPS, SHOULDERS, TRACKED, Landmarks
 from camera_client.limb_map import DepthEvidence, fit_depths
+from camera_client.monocular import MODEL_SIGMA, model_depths
 from camera_client.surface import OFFSETS, arm_offsets, covered, shoulder_shift
 from ik_proto import Array
 
@@ -46,6 +47,7 @@ class Surfaces:
         rays: Viewing rays through the joints with z = 1, shape (8, 3); without meaning where not seen.
         depth: Of the joints' centres, shape (8,) [m]; NaN where not measured.
         sigma: Their standard deviations, shape (8,) [m].
+        along: Standard deviations of the depths after the limb lengths had their say, shape (8,) [m].
         place: Between the shoulders, at the depth of the body, optical frame, shape (3,) [m].
     """
 
@@ -53,6 +55,7 @@ class Surfaces:
     rays: Array
     depth: Array
     sigma: Array
+    along: Array
     place: Array
 
 
@@ -66,10 +69,12 @@ def surfaces(frame: RgbdFrame, landmarks: Landmarks, joints: JointFilter, calibr
         calibration: The operator.
 
     Returns:
-        The measurement; None where the camera measures no depth on the trunk.
+        The measurement; None where the camera measures no depth on the trunk, or measures none at all and the model
+        has no guess either.
     """
-    height, width = frame.depth.shape
-    seen = landmarks.seen(width, height)
+    seen = landmarks.seen(*frame.size)
+    if frame.depth is None:
+        return _guessed(frame, landmarks, seen, calibration)
     pixels = np.where(seen[:, None], landmarks.pixels[TRACKED], np.nan)
     known = joints.known
     position = joints.position
@@ -97,7 +102,21 @@ def surfaces(frame: RgbdFrame, landmarks: Landmarks, joints: JointFilter, calibr
         depth[ARMS] = np.where(covered(arms, depth[ARMS].reshape(2, 3)).ravel(), np.nan, depth[ARMS])
     rays = frame.intrinsics.rays(np.where(seen[:, None], pixels, 0.0))
     sigma = np.maximum(patches.sigma, DEPTH_SIGMA) / np.clip(1.5 * patches.share, 0.3, 1.0)
-    return Surfaces(seen, rays, depth, sigma, rays[SHOULDERS].mean(axis=0) * torso)
+    along = np.where(np.isfinite(depth), DEPTH_SIGMA, GUESSED_SIGMA)
+    return Surfaces(seen, rays, depth, sigma, along, rays[SHOULDERS].mean(axis=0) * torso)
+
+
+def _guessed(frame: RgbdFrame, landmarks: Landmarks, seen: Mask, calibration: Calibration) -> Surfaces | None:
+    """The same without depth: what the pose model guesses, at the distance that fits the picture."""
+    depth = model_depths(landmarks, seen, frame.intrinsics, calibration)
+    if depth is None:
+        return None
+    pixels = np.where(seen[:, None], landmarks.pixels[TRACKED], 0.0)
+    torso = float(depth[SHOULDERS].mean())
+    pixels[SHOULDERS] += shoulder_shift(calibration.up_camera, torso, frame.intrinsics)
+    rays = frame.intrinsics.rays(pixels)
+    sigma = np.full(len(TRACKED), MODEL_SIGMA)
+    return Surfaces(seen, rays, depth, sigma, sigma, rays[SHOULDERS].mean(axis=0) * torso)
 
 
 def lift(
@@ -134,7 +153,7 @@ def lift(
     depth[ARMS] = np.where(whole, fitted.ravel(), depth[ARMS])
     usable = seen.seen & np.isfinite(depth)
     sigma = np.full((len(TRACKED), 3), ACROSS_SIGMA)
-    sigma[:, 2] = np.where(np.isfinite(seen.depth), DEPTH_SIGMA, GUESSED_SIGMA)
+    sigma[:, 2] = seen.along
     return np.where(usable, depth, 0.0)[:, None] * seen.rays, sigma, usable
 
 

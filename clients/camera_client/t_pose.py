@@ -86,10 +86,11 @@ class TPose:
 
 def _joints_of(frame: RgbdFrame, landmarks: Landmarks | None) -> tuple[Array | None, str]:
     """Joints of a frame that shows a T pose, optical frame, shape (8, 3) [m]; or why it does not."""
-    height, width = frame.depth.shape
-    if landmarks is None or not landmarks.credible(width, height):
+    if frame.depth is None:
+        return None, "a camera without depth cannot measure you: calibrate with a depth camera"
+    if landmarks is None or not landmarks.credible(*frame.size):
         return None, "nobody faces the camera"
-    if not landmarks.seen(width, height).all():
+    if not landmarks.seen(*frame.size).all():
         return None, "step back until both hands and the hips are in the picture"
     pixels = landmarks.pixels[TRACKED]
     patches = patch_depths(frame.depth, pixels, np.full(8, np.nan))

@@ -34,6 +34,8 @@ def limbs(left: tuple[Array, Array], right: tuple[Array, Array]) -> Array:
 
 HANGING = limbs((DOWN + 0.4 * LEFT, DOWN + 0.4 * LEFT + 0.2 * FORWARD), (DOWN - 0.4 * LEFT, DOWN - 0.4 * LEFT))
 SPREAD = limbs((LEFT, LEFT), (-LEFT, -LEFT))
+BENT = limbs((DOWN + 0.3 * LEFT, FORWARD + 0.3 * LEFT), (DOWN - 0.3 * LEFT, FORWARD - 0.3 * LEFT))
+RAISED = limbs((LEFT, -DOWN), (-LEFT, -DOWN))
 
 
 def body(directions: Array) -> Array:

@@ -3,15 +3,11 @@
 import numpy as np
 import pytest
 from arm_metrics import angle_between
-from painted_person import DOWN, FORWARD, FPS, HANGING, LEFT, ORIGIN, SPREAD, body, limbs, look
+from painted_person import BENT, DOWN, FORWARD, FPS, HANGING, LEFT, ORIGIN, RAISED, SPREAD, body, limbs, look
 
 from camera_client.calibration import TYPICAL
 from camera_client.chain import Chain
 from camera_client.estimate import ORIENTATION_FLOOR, ArmsEstimate
-
-BENT = limbs((DOWN + 0.3 * LEFT, FORWARD + 0.3 * LEFT), (DOWN - 0.3 * LEFT, FORWARD - 0.3 * LEFT))
-RAISED = limbs((LEFT, -DOWN), (-LEFT, -DOWN))
-
 
 STRANGER = ORIGIN + np.array([0.6, 0.0, -0.9])
 
@@ -152,6 +148,7 @@ def test_without_depth_on_the_body_arms_are_held():
     operator = Operator()
     operator.show(30, BENT)
     frame, landmarks = look(2.0, BENT)
+    assert frame.depth is not None
     frame.depth[:] = 0
     held = operator.chain.update(frame, landmarks)
     assert held is not None

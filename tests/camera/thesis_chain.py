@@ -48,6 +48,7 @@ class ThesisChain:
         return joints, np.stack([bend_basis(arm) for arm in joints])
 
     def _look(self, frame: RgbdFrame, landmarks: Landmarks) -> None:
+        assert frame.depth is not None
         height, width = frame.depth.shape
         k = frame.intrinsics
         for j, number in enumerate(TRACKED):
