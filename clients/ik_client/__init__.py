@@ -25,6 +25,7 @@ from ik_client.teleop import TeleopLoop
 from ik_client.tick_report import LoopState, Seed, TickReport
 from ik_client.types import Command, Hands, HandSource, Kinematics, Limiter, RobotPort, RobotState, Solver
 from ik_proto.smoothing import WeightedMovingFilter
+from ik_proto.wrist_motion import WristMotion
 
 __all__ = [
     "ABSOLUTE_FALL",
@@ -61,4 +62,5 @@ __all__ = [
     "TickReport",
     "Unauthorized",
     "WeightedMovingFilter",
+    "WristMotion",
 ]

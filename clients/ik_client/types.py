@@ -9,6 +9,7 @@ from typing import Protocol
 
 from ik_client.hand import HandSample
 from ik_proto import Array, ClearanceReply, Collision, FkReply, Mode, SolveReply
+from ik_proto.wrist_motion import WristMotion
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +74,8 @@ class Command:
         boot_id: The run of the IK service that the motion comes from; empty where none was asked yet.
         engaged: Whether an operator has engaged an arm. The robot's end follows `q` only after it has seen this rise.
         release: Whether the loop is done with the robot, which shall take its arms back.
+        motion: How the wrists were asked to move, where the loop drives them by velocity. The robot may show it to
+            people; nothing moves by it.
     """
 
     q: Array
@@ -83,6 +86,7 @@ class Command:
     boot_id: str = ""
     engaged: bool = False
     release: bool = False
+    motion: WristMotion | None = None
 
 
 class RobotPort(Protocol):

@@ -213,3 +213,24 @@ def read_integer(document: Document, name: str, low: int, high: int, default: in
     if type(value) is not int or not low <= value <= high:  # bool is an int, and no number
         raise ValueError(f"{name} must be an integer from {low} to {high}")
     return value
+
+
+def read_two_words(document: Document, name: str, choices: tuple[str, ...] | None) -> Any:
+    """Read two words, of the left and of the right arm.
+
+    Args:
+        document: The message.
+        name: Its field.
+        choices: What each may be; None for any name, or null.
+
+    Raises:
+        ValueError: Not two of these.
+    """
+    words = document.get(name)
+    if not isinstance(words, list) or len(words) != 2:
+        raise ValueError(f"{name} must be two words")
+    if choices is not None and not all(word in choices for word in words):
+        raise ValueError(f"{name} must be of {', '.join(repr(choice) for choice in choices)}")
+    if choices is None and not all(word is None or isinstance(word, str) for word in words):
+        raise ValueError(f"{name} must be two names, or null")
+    return words[0], words[1]

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from ik_proto.fields import read_array, read_integer, read_number, read_text
 from ik_proto.limits import MAX_ID
 from ik_proto.messages import Array, Document
+from ik_proto.wrist_motion import WristMotion, motion_document, read_motion
 
 LINK_VERSION = 1
 
 MAX_LINK_FRAME_BYTES = 16 * 1024
-"""Largest body either way [bytes]. A command for 14 joints takes 0.8 kB, a state 1.4 kB."""
+"""Largest body either way [bytes]. A command for 14 joints takes 0.8 kB, with a motion 1.4 kB, a state 1.4 kB."""
 
 MAX_LINK_NAME = 64
 """Longest name of a session or of a run of the service [characters]."""
@@ -67,6 +68,7 @@ class LinkCommand:
     boot_id: str
     engaged: bool
     release: bool
+    motion: WristMotion | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,8 +139,9 @@ def refusal_document(error: str) -> Document:
 
 
 def command_document(command: LinkCommand) -> Document:
-    """A command as it travels."""
-    return {name: getattr(command, name) for name in LinkCommand.__slots__}
+    """A command as it travels; a motion that is not there takes no place."""
+    document = {name: getattr(command, name) for name in LinkCommand.__slots__ if name != "motion"}
+    return document if command.motion is None else document | {"motion": motion_document(command.motion)}
 
 
 def read_command(document: Document, n: int) -> LinkCommand:
@@ -151,6 +154,7 @@ def read_command(document: Document, n: int) -> LinkCommand:
     Raises:
         ValueError: It is no command for so many joints; one line.
     """
+    motion = document.get("motion")
     return LinkCommand(
         q=read_array(document, "q", (n,), _MAX_ABS),
         tau=read_array(document, "tau", (n,), _MAX_ABS),
@@ -160,6 +164,7 @@ def read_command(document: Document, n: int) -> LinkCommand:
         boot_id=_name(document, "boot_id"),
         engaged=_flag(document, "engaged"),
         release=_flag(document, "release"),
+        motion=None if motion is None else read_motion(motion),
     )
 
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from ik_proto.errors import ReplyError
-from ik_proto.fields import read_array, read_choice, read_id, read_number
+from ik_proto.fields import read_array, read_choice, read_id, read_number, read_two_words
 from ik_proto.limits import (
     DEFAULT_ACCELERATION,
     DEFAULT_DAMPING,
@@ -133,8 +133,8 @@ def parse_velocity_reply(document: Document, n: int) -> VelocityReply:
             twists=read_array(document, "twists", (2, 6)),
             manipulability=read_array(document, "manipulability", (2,)),
             damping=read_array(document, "damping", (2,)),
-            limited_by=_read_words(document, "limited_by", LIMITS),
-            limiting_joint=_read_words(document, "limiting_joint", None),
+            limited_by=read_two_words(document, "limited_by", LIMITS),
+            limiting_joint=read_two_words(document, "limiting_joint", None),
             clearance=read_number(document, "clearance") if measured else None,
             nearest=read_pair(document) if measured else None,
             solve_us=read_number(document, "solve_us"),
@@ -188,14 +188,3 @@ def _read_bounds(document: Document, name: str) -> Array | None:
     if not (bounds[0] <= bounds[1]).all():
         raise ValueError(f"{name} must have the smallest coordinates in its first row, the largest in its second")
     return bounds
-
-
-def _read_words(document: Document, name: str, choices: tuple[str, ...] | None) -> Any:
-    words = document.get(name)
-    if not isinstance(words, list) or len(words) != 2:
-        raise ValueError(f"{name} must be two words")
-    if choices is not None and not all(word in choices for word in words):
-        raise ValueError(f"{name} must be of {', '.join(repr(choice) for choice in choices)}")
-    if choices is None and not all(word is None or isinstance(word, str) for word in words):
-        raise ValueError(f"{name} must be two names, or null")
-    return words[0], words[1]

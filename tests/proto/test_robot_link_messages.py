@@ -27,10 +27,18 @@ from ik_proto.robot_link import (
     state_document,
     welcome_document,
 )
+from ik_proto.wrist_motion import MAX_JOINT_NAME, WristMotion, motion_document, read_motion
 
 PAGE = (Path(__file__).resolve().parents[2] / "proto" / "robot_link.md").read_text()
 N = 3
 COMMAND = LinkCommand(np.array([0.1, 0.2, 1 / 3]), np.zeros(N), 12.5, "run", 7, "boot", True, False)
+MOTION = WristMotion(
+    np.arange(12.0).reshape(2, 6) / 3.0,
+    -np.arange(12.0).reshape(2, 6) / 7.0,
+    np.array([0.03, 0.0]),
+    ("", "joint"),
+    (None, "right_elbow_joint"),
+)
 STATE = LinkState(
     np.array([0.1, 0.2, 1 / 3]), np.ones(N), 12.5, np.zeros(3), None, None, True, False, "a note", 0.25, "taking"
 )
@@ -60,13 +68,55 @@ def test_messages_arrive_bit_for_bit():
     assert "token" not in hello_document(Hello())
 
 
+def test_a_motion_rides_on_a_command():
+    command = dataclasses.replace(COMMAND, motion=MOTION)
+    read = read_command(travel(command_document(command)), N)
+    assert read.motion is not None
+    assert_same(read.motion, MOTION)
+    assert_same(dataclasses.replace(read, motion=None), COMMAND)
+
+
+def test_a_robot_or_a_loop_that_knows_no_motion_misses_nothing():
+    """An old loop sends none; an old robot reads only the fields it knows, and they are as they were."""
+    assert "motion" not in command_document(COMMAND)
+    assert read_command(travel(command_document(COMMAND)), N).motion is None
+    assert read_command(travel(command_document(COMMAND)) | {"motion": None}, N).motion is None
+    document = travel(command_document(dataclasses.replace(COMMAND, motion=MOTION)))
+    del document["motion"]
+    assert document == travel(command_document(COMMAND))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ([1.0], "motion must be an object"),
+        ({"twists": None}, "motion: twists is missing"),
+        ({"twists": [[0.0] * 6]}, "twists must have shape 2x6"),
+        ({"achieved": [[0.0] * 6, [float("nan")] * 6]}, "not finite"),
+        ({"achieved": [[0.0] * 6, [1e3] * 6]}, "beyond 141"),
+        ({"manipulability": [0.1, -0.1]}, "must not be negative"),
+        ({"limited_by": ["", "sloth"]}, "limited_by must be of"),
+        ({"limited_by": [[], ""]}, "limited_by must be of"),
+        ({"limiting_joint": ["x" * 65, None]}, "at most 64"),
+        ({"limiting_joint": [3, None]}, "two names, or null"),
+    ],
+)
+def test_a_motion_that_breaks_the_contract_gets_one_line(change, words):
+    motion = travel(motion_document(MOTION))
+    document = travel(command_document(COMMAND))
+    document["motion"] = {**motion, **change} if isinstance(change, dict) else change
+    with pytest.raises(ValueError, match=words) as error:
+        read_command(document, N)
+    assert "\n" not in str(error.value)
+
+
 def test_a_message_carries_the_fields_of_its_type():
     assert names(LinkCommand) == names(Command)
     assert names(LinkState) == names(RobotState) | {"weight", "state"}
 
 
 def test_the_page_names_every_field():
-    for kind in (LinkCommand, LinkState, Welcome):
+    for kind in (LinkCommand, LinkState, Welcome, WristMotion):
         missing = {name for name in names(kind) if not re.search(rf"`{name}`", PAGE)}
         assert not missing, kind
 
@@ -74,7 +124,9 @@ def test_the_page_names_every_field():
 @pytest.mark.parametrize("block", re.findall(r"^```json\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
 def test_the_examples_of_the_page_are_messages(block):
     document = json.loads(block)
-    if "seq" in document:
+    if "twists" in document:
+        read_motion(document)
+    elif "seq" in document:
         read_command(document, len(document["q"]))
     elif "q" in document:
         read_state(document, len(document["q"]))
@@ -87,7 +139,8 @@ def test_the_examples_of_the_page_are_messages(block):
 def test_messages_of_a_large_robot_fit():
     n = 100
     q = np.random.default_rng(0).uniform(-3, 3, n)
-    command = dataclasses.replace(COMMAND, q=q, tau=q, session="x" * 64, boot_id="y" * 64)
+    motion = dataclasses.replace(MOTION, limiting_joint=("j" * MAX_JOINT_NAME, "k" * MAX_JOINT_NAME))
+    command = dataclasses.replace(COMMAND, q=q, tau=q, session="x" * 64, boot_id="y" * 64, motion=motion)
     state = dataclasses.replace(STATE, q=q, dq=q, q_set=q, note="n" * 300)
     assert len(JSON.encode(command_document(command))) < MAX_LINK_FRAME_BYTES
     assert len(JSON.encode(state_document(state))) < MAX_LINK_FRAME_BYTES

@@ -162,7 +162,7 @@ class RobotLink:
         command = self._last or _nothing(self._latest[0].q)
         end = self._clock() + timeout
         while self._clock() < end:
-            command = replace(command, seq=command.seq + 1, engaged=False, release=True)
+            command = replace(command, seq=command.seq + 1, engaged=False, release=True, motion=None)
             self.send(command)
             with self._arrived:
                 self._arrived.wait(min(self.welcome.period, end - self._clock()))
