@@ -73,7 +73,9 @@ class Board:
             ("not started", "not started") if steps is None else (self._words(0, steps[0]), self._words(1, steps[1]))
         )
         states = (ArmState.DISARMED, ArmState.DISARMED) if steps is None else (steps[0].state, steps[1].state)
-        return Shown(look, words, states, self._tracker.held(now), _operator(look), self._trouble(now), self._stages.recent())
+        return Shown(
+            look, words, states, self._tracker.held(now), _operator(look), self._trouble(now), self._stages.recent()
+        )
 
     def _words(self, side: int, step: ArmStep) -> str:
         if step.state is ArmState.ACTIVE:

@@ -12,9 +12,11 @@ from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Any, Self
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ik_client.devices.errors import DeviceError
 from ik_client.devices.pad import Pad
-from ik_proto import Array
 
 
 class Devices:
@@ -84,7 +86,7 @@ class Devices:
             return False
         return True
 
-    def show(self, picture: Array) -> None:
+    def show(self, picture: NDArray[np.uint8]) -> None:
         """Show a picture in the window; nothing without one.
 
         Args:

@@ -1,0 +1,254 @@
+"""One run of `ik-camera`: a camera or a recording, the teleop loop, a service and a robot.
+
+| thread     | does                                                                                     |
+|------------|------------------------------------------------------------------------------------------|
+| perception | frame ─> pose model ─> arms; the pose model works outside of Python's lock               |
+| loop       | a tick at the robot's own rate: predict, judge, solve, limit, send                       |
+| main       | switches, keys, window, words: SDL wants the main thread                                 |
+
+Each hands on its latest only, so none waits for another, and none can hold another up.
+"""
+
+import contextlib
+import dataclasses
+import json
+import math
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from camera_client.approach import Approach, HomeFirst, PacedLimiter
+from camera_client.board import Board
+from camera_client.calibration import TYPICAL, Calibration, default_folder, load
+from camera_client.chain import Chain
+from camera_client.cockpit import Cockpit, pause
+from camera_client.detector import PoseDetector
+from camera_client.loop_thread import LoopThread
+from camera_client.models import ensure_model
+from camera_client.perception import Perception
+from camera_client.robot_arms import robot_arms
+from camera_client.run_report import RunReport
+from camera_client.settings import Settings
+from camera_client.source import DEFAULT_FIELD_OF_VIEW, FrameSource, open_source
+from camera_client.stages import Stages
+from camera_client.tracker import CameraTracker
+from ik_client.absolute_clutch import ABSOLUTE_FALL
+from ik_client.arm_joints import SIDES
+from ik_client.authority import Authority
+from ik_client.client import IKClient
+from ik_client.engagement import ArmEngagement
+from ik_client.gate import GateLimits, PoseGate
+from ik_client.joint_limiter import MotionLimits
+from ik_client.pacer import Pacer
+from ik_client.robot_end import RobotLink
+from ik_client.start import await_state, info_for, trusting, writable
+from ik_client.teleop import TeleopLoop
+from ik_proto.robots import RobotDescription, load_description
+
+Say = Callable[[str], None]
+
+GATE = GateLimits(max_age=0.2, min_interval=0.04)
+"""Frames come every 33 ms or a little more, and by then every tick has another prediction of the last one."""
+_SLOW = 0.5
+"""How long something may take before it is explained [s]."""
+_FK_TIMEOUT = 2.0
+_SWITCH_INTERVAL = 0.001
+"""How long one thread may keep Python's lock from another one that wants it [s]: the loop's tick is 20 ms."""
+
+
+def run(settings: Settings, say: Say, *, terminal: bool, keep_going: Callable[[], bool]) -> RunReport:
+    """Run until it is asked to end, or the recording has.
+
+    Args:
+        settings: What to run.
+        say: Tells a person a line; the first is a line of JSON where the output is no terminal.
+        terminal: Whether the output is one.
+        keep_going: Asked all the time.
+
+    Returns:
+        What was done; it has been written to the file that was asked for.
+
+    Raises:
+        ValueError: Options, devices, sources, models or calibrations cannot be used.
+        IKError: Service or robot cannot be reached at the beginning.
+    """
+    calibration, keep = calibration_of(settings), writable(settings.report)
+    with contextlib.ExitStack() as stack:
+        source = stack.enter_context(contextlib.closing(_source(settings)))
+        if not source.has_depth:
+            say("this source has no depth: wrists will be about three times as far off as with a depth camera")
+        detector = stack.enter_context(contextlib.closing(detector_of(settings.model, say)))
+        robot = stack.enter_context(RobotLink(settings.robot, ssl=trusting(settings.ca)))
+        info = info_for(robot, settings.robot, settings.service, settings.ca)
+        description = load_description(robot.welcome.robot)
+        period = robot.welcome.period
+        client = stack.enter_context(IKClient(settings.service, timeout=0.5 * period, ca=settings.ca))
+        cockpit = stack.enter_context(
+            Cockpit(
+                settings.enable,
+                own_switch=settings.replay is not None,
+                window=settings.preview,
+                title=f"ik-camera: {source.description}",
+                terminal=terminal,
+            )
+        )
+        approaches = _approaches(settings)
+        tracker = CameraTracker(
+            robot_arms(description),
+            cockpit.enable.held if cockpit.enable else None,
+            approaches,
+            lead=period,
+            mirror=settings.mirror,
+        )
+        limits = MotionLimits(velocity=settings.speed)
+        loop = TeleopLoop(
+            client,
+            tracker,
+            robot,
+            PacedLimiter(len(info.joint_names), period, limits, approaches, lower=info.lower, upper=info.upper),
+            arms=_arms(settings, approaches, info.joint_names, description),
+            feed_forward=True,
+        )
+        stages = Stages()
+        perception = Perception(source, detector, Chain(calibration), tracker, stages)
+        board = Board(tracker, stages, approaches)
+        await_state(robot)
+        about = {"source": source.description, "robot": description.name, "model": settings.model}
+        report = RunReport(stages, tracker, perception, about)
+        stack.callback(keep, report.write)
+        say(f"{source.description}; {_who(settings)}; {cockpit.hint}" if terminal else json.dumps(about))
+
+        def tick() -> list[str]:
+            done = loop.tick()
+            stages.observe(done, tracker.used)
+            for approach in approaches:
+                approach.observe(done)
+            board.observe(done)
+            return report.observe(done)
+
+        ticking = LoopThread(
+            tick, lambda: loop.stop("ik-camera ends"), Pacer(period), report.paced, lambda: perception.finished
+        )
+        stack.callback(perception.close)
+        stack.callback(ticking.close)
+        sys.setswitchinterval(_SWITCH_INTERVAL)
+        ticking.start()
+        _attend(cockpit, ticking, perception, board, loop, approaches, keep_going)
+        ticking.close()
+        _farewell(settings, loop, robot, perception, cockpit)
+    return report
+
+
+def _attend(
+    cockpit: Cockpit,
+    ticking: LoopThread,
+    perception: Perception,
+    board: Board,
+    loop: TeleopLoop,
+    approaches: tuple[Approach, Approach],
+    keep_going: Callable[[], bool],
+) -> None:
+    """What the main thread does until the run ends."""
+    begun, fault = False, ""
+    stages = tuple(approach.stage for approach in approaches)
+    while keep_going() and ticking.alive and not cockpit.ended:
+        if not begun and board.robot_ready:
+            # A recording plays from here on: before, nobody would follow it.
+            begun = True
+            perception.start()
+        if cockpit.attend(time.monotonic()):
+            loop.stop("the next operator")
+            perception.release_operator()
+            cockpit.say("whoever is seen next is the operator")
+        cockpit.show(lambda: board.look(time.monotonic()), time.monotonic())
+        while ticking.lines:
+            cockpit.say(ticking.lines.popleft())
+        now = tuple(approach.stage for approach in approaches)
+        for side, before, stage in zip(SIDES, stages, now, strict=True):
+            if stage is not before:
+                cockpit.say(f"{side} arm: {stage}")
+        stages = now
+        if perception.fault != fault:
+            fault = perception.fault
+            cockpit.say(f"camera: {fault or 'frames come again'}")
+        pause()
+
+
+def _farewell(settings: Settings, loop: TeleopLoop, robot: RobotLink, perception: Perception, cockpit: Cockpit) -> None:
+    if perception.finished:
+        cockpit.say(f"the source has ended{': ' if perception.fault else ''}{perception.fault}")
+    if settings.release:
+        loop.release()
+        given = robot.release()
+        cockpit.say("the robot has taken its arms back" if given else "the robot has not taken its arms back: it holds")
+    else:
+        cockpit.say("the robot holds its arms where they are")
+
+
+def _source(settings: Settings) -> FrameSource:
+    return open_source(settings.what, field_of_view=settings.field_of_view_rad or DEFAULT_FIELD_OF_VIEW)
+
+
+def detector_of(model: str, say: Say) -> PoseDetector:
+    """Load a pose model, and make it first where it is not there yet.
+
+    Raises:
+        ModelError: It cannot be had.
+    """
+    return PoseDetector(model_file(model, say))
+
+
+def model_file(model: str, say: Say) -> Path:
+    """Find a pose model, or make it; says so where that takes a while.
+
+    Raises:
+        ModelError: It cannot be had.
+    """
+    slow = threading.Timer(_SLOW, say, [f"making the pose model {model}, once; it is kept for the next time ..."])
+    slow.daemon = True
+    slow.start()
+    try:
+        return ensure_model(model)
+    finally:
+        slow.cancel()
+
+
+def calibration_of(settings: Settings) -> Calibration:
+    """Whose arms these are, and how the camera stands.
+
+    Raises:
+        CalibrationError: There is no such user.
+    """
+    fitted = TYPICAL if settings.user is None else load(settings.user, default_folder())
+    if settings.tilt is None:
+        return fitted
+    down = math.radians(settings.tilt)
+    return dataclasses.replace(fitted, up_camera=np.array([0.0, -math.cos(down), -math.sin(down)]))
+
+
+def _who(settings: Settings) -> str:
+    whose = f"calibration of {settings.user}" if settings.user else "not calibrated: a typical adult is assumed"
+    return f"{whose}{', mirrored' if settings.mirror else ''}"
+
+
+def _approaches(settings: Settings) -> tuple[Approach, Approach]:
+    slow, home_first = settings.start_speed / settings.speed, settings.start == "home"
+    return Approach(0, slow, home_first=home_first), Approach(1, slow, home_first=home_first)
+
+
+def _arms(
+    settings: Settings, approaches: tuple[Approach, Approach], joints: list[str], description: RobotDescription
+) -> tuple[ArmEngagement, ArmEngagement]:
+    """How the arms engage: at the operator's word, from home."""
+    home = np.array([description.joint(name).home for name in joints])
+    with IKClient(settings.service, timeout=_FK_TIMEOUT, ca=settings.ca) as asking:
+        wrists = asking.fk(home)
+    left, right = (
+        ArmEngagement(gate=PoseGate(GATE), clutch=HomeFirst(approach, wrist), authority=Authority(fall=ABSOLUTE_FALL))
+        for approach, wrist in zip(approaches, (wrists.left_wrist, wrists.right_wrist), strict=True)
+    )
+    return left, right
