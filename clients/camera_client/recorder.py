@@ -5,11 +5,11 @@ A file is written frame by frame, each in one piece, so that a crash costs at mo
 
 import json
 import queue
-import tarfile
 import threading
 from pathlib import Path
 from typing import Any
 
+from camera_client.archive import END, pack_file
 from camera_client.frame import RgbdFrame
 from camera_client.pictures import encode_colour, encode_depth
 from camera_client.recording import COLOUR, DEPTH, FORMAT, LINE, META, VERSION, RecordingError
@@ -93,8 +93,7 @@ class Recorder:
                 self._path.unlink(missing_ok=True)
             elif not self.fault:
                 try:
-                    # Two empty blocks are the end of an archive.
-                    self._write(bytes(2 * tarfile.BLOCKSIZE))
+                    self._write(END)
                 except OSError as error:
                     self.fault = f"{self._path} cannot be ended: {error.strerror or error}"
 
@@ -156,15 +155,8 @@ def _files(sequence: int, frame: RgbdFrame, held: bool | None) -> bytes:
         parts[DEPTH] = encode_depth(frame.depth)
     line: dict[str, Any] = {"t_capture": frame.t_capture}
     parts[LINE] = _json(line if held is None else line | {"held": held})
-    return b"".join(_file(f"{sequence:08d}.{kind}", content) for kind, content in parts.items())
+    return b"".join(pack_file(f"{sequence:08d}.{kind}", content) for kind, content in parts.items())
 
 
 def _json(content: dict[str, Any]) -> bytes:
     return json.dumps(content).encode() + b"\n"
-
-
-def _file(name: str, content: bytes) -> bytes:
-    """A file as it stands in an archive: a header, the content, zeros up to a whole block."""
-    info = tarfile.TarInfo(name)
-    info.size = len(content)
-    return info.tobuf(tarfile.USTAR_FORMAT) + content + bytes(-len(content) % tarfile.BLOCKSIZE)

@@ -10,12 +10,12 @@ as a `RecordingError` in one line.
 import json
 import math
 import os
-import tarfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from camera_client.archive import ArchiveError, CutOff, read_files
 from camera_client.frame import Intrinsics, RgbdFrame
 from camera_client.pictures import PictureError, decode_colour, decode_depth
 from camera_client.source import SourceError
@@ -27,8 +27,6 @@ LARGEST_SIDE = 4096
 """Of a picture [pixel]."""
 LARGEST = {META: 1 << 16, COLOUR: 1 << 25, DEPTH: 1 << 26, LINE: 1 << 12}
 """How long files may be [byte]."""
-
-_BLOCK = tarfile.BLOCKSIZE
 
 
 class RecordingError(SourceError):
@@ -159,15 +157,25 @@ class Recording:
         return os.pread(self._file.fileno(), size, begin)
 
     def _scan(self) -> tuple[Meta, list[Entry]]:
-        files = self._files()
-        name, begin, size = next(files, ("", 0, 0))
-        if name != META:
-            raise RecordingError(f"{self.path} is no recording of ik-camera")
-        meta = self._meta(self._read(begin, size))
-        wanted = (COLOUR, DEPTH, LINE) if meta.has_depth else (COLOUR, LINE)
+        files = read_files(self._file.fileno(), _largest)
         entries: list[Entry] = []
-        found: dict[str, tuple[int, int]] = {}
-        sequence = 0
+        try:
+            name, begin, size = next(files, ("", 0, 0))
+            if name != META:
+                raise RecordingError(f"{self.path} is no recording of ik-camera")
+            meta = self._meta(self._read(begin, size))
+            self._scan_frames(meta, files, entries)
+        except ArchiveError as error:
+            raise RecordingError(f"{self.path} is no recording of ik-camera: {error}") from None
+        except CutOff:
+            self.cut = True
+        if not entries:
+            raise RecordingError(f"{self.path} holds no whole frame")
+        return meta, entries
+
+    def _scan_frames(self, meta: Meta, files: Iterator[tuple[str, int, int]], entries: list[Entry]) -> None:
+        wanted = (COLOUR, DEPTH, LINE) if meta.has_depth else (COLOUR, LINE)
+        sequence, found = 0, {}
         for name, begin, size in files:
             number, _, kind = name.partition(".")
             of_frame = number.isascii() and number.isdecimal() and (not found or int(number) == sequence)
@@ -177,35 +185,7 @@ class Recording:
             if kind == LINE:
                 entries.append(self._entry(sequence, found, entries[-1] if entries else None))
                 found = {}
-        self.cut |= bool(found)
-        if not entries:
-            raise RecordingError(f"{self.path} holds no whole frame")
-        return meta, entries
-
-    def _files(self) -> Iterator[tuple[str, int, int]]:
-        """Name, beginning and size of the archive's files that are whole."""
-        end = os.fstat(self._file.fileno()).st_size
-        at = 0
-        while header := self._read(at, _BLOCK):
-            if header.count(0) == len(header) and at > 0:
-                return
-            if len(header) < _BLOCK:
-                break
-            try:
-                file = tarfile.TarInfo.frombuf(header, "ascii", "strict")
-            except (tarfile.HeaderError, ValueError):
-                raise RecordingError(f"{self.path} is no recording of ik-camera: it is no tar at byte {at}") from None
-            largest = LARGEST.get(file.name, LARGEST.get(file.name.rpartition(".")[2], 0))
-            if file.type not in (tarfile.REGTYPE, tarfile.AREGTYPE) or not 0 <= file.size <= largest:
-                raise RecordingError(f"{self.path} is no recording of ik-camera: it has no place for {file.name!r}")
-            begin = at + _BLOCK
-            if begin + file.size > end:
-                break
-            yield file.name, begin, file.size
-            at = begin + -(-file.size // _BLOCK) * _BLOCK
-            if at > end:
-                break
-        self.cut = at != end
+        self.cut = bool(found)
 
     def _meta(self, data: bytes) -> Meta:
         try:
@@ -239,6 +219,10 @@ class Recording:
         if not (newer and math.isfinite(t_capture) and held in (None, True, False)):
             raise RecordingError(f"frame {sequence} of {self.path} has an impossible time or switch")
         return Entry(sequence, t_capture, None if held is None else bool(held), files[COLOUR], files.get(DEPTH))
+
+
+def _largest(name: str) -> int:
+    return LARGEST.get(name, LARGEST.get(name.rpartition(".")[2], -1))
 
 
 def _printable(text: str) -> str:

@@ -20,6 +20,7 @@ _RETRY = 1.0
 """Time between two attempts to open a camera that was unplugged [s]."""
 _NARROWEST, _WIDEST = math.radians(20.0), math.radians(150.0)
 _LONGEST_LATENCY = 1.0
+_LONGEST_GOODBYE = 2.0
 _WIDTH, _HEIGHT = 640, 360
 """What is asked for; a camera may have something near."""
 
@@ -130,7 +131,8 @@ class WebcamSource:
         """Give the camera back."""
         self._closing.set()
         self.newest.close()
-        self._thread.join()
+        # A camera that hangs must not keep the program from ending.
+        self._thread.join(_LONGEST_GOODBYE)
 
     def _run(self) -> None:
         try:
