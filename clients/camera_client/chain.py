@@ -9,6 +9,7 @@
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -70,12 +71,15 @@ class Chain:
         self._monocular = False
         self._measured = np.full(len(TRACKED), _NEVER)
 
-    def update(self, frame: RgbdFrame, landmarks: Landmarks | None) -> ArmsEstimate | None:
+    def update(
+        self, frame: RgbdFrame, landmarks: Landmarks | None, lifted: Callable[[], None] = lambda: None
+    ) -> ArmsEstimate | None:
         """Take a frame.
 
         Args:
             frame: What the camera saw.
             landmarks: What the pose model found in it; None for nothing.
+            lifted: Called between the lift and the filter, for who measures how long they take.
 
         Returns:
             Both arms; None as long as nobody has been seen.
@@ -100,6 +104,7 @@ class Chain:
         positions, sigma, measured = lift(seen, landmarks, self._filter, self._calibration)
         self._measured[measured] = self._time
         self._filter.forget(self._time - self._measured > _LOST)
+        lifted()
         anew = self._filter.update(positions, sigma, measured)
         return self._show(seen.seen, anew, dt)
 

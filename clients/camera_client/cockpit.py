@@ -32,7 +32,16 @@ class Cockpit:
         has_window: Whether there is a window.
     """
 
-    def __init__(self, switches: Sequence[str], *, own_switch: bool, window: bool, title: str, terminal: bool) -> None:
+    def __init__(
+        self,
+        switches: Sequence[str],
+        *,
+        own_switch: bool,
+        window: bool,
+        title: str,
+        terminal: bool,
+        watch: Callable[[Shown], None] | None = None,
+    ) -> None:
         """Open devices and displays; close it.
 
         Args:
@@ -41,6 +50,7 @@ class Cockpit:
             window: Whether a window is wanted, where there is a display.
             title: Of the window.
             terminal: Whether the output is a terminal.
+            watch: Shows everything too.
 
         Raises:
             DeviceError: A switch cannot be used.
@@ -49,6 +59,7 @@ class Cockpit:
         self.ended = False
         self._stack = contextlib.ExitStack()
         self._next = 0.0
+        self._watch = watch
         self._preview: Preview | None = None
         self._terminal: Terminal | None = None
         self._devices: Devices | None = None
@@ -116,13 +127,15 @@ class Cockpit:
             look: Says how they are.
             now: The time [s].
         """
-        if now < self._next or (self._preview is None and self._terminal is None):
+        if now < self._next:
             return
         self._next = now + 1.0 / _PICTURES_PER_S
         if self._preview is not None and self._devices is not None:
             self._devices.show(self._preview.draw(look(), self.hint))
         elif self._terminal is not None:
             self._terminal.show(look())
+        if self._watch is not None:
+            self._watch(look())
 
     def say(self, line: str) -> None:
         """Tell the person at the terminal a line."""

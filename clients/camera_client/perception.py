@@ -38,6 +38,7 @@ class Perception:
 
     Attributes:
         frames: Frames that came.
+        first: When the first one was captured [s]; None before.
         bodies: Frames in which the pose model found somebody.
         fault: What went wrong last, in one line; empty while all is well.
     """
@@ -65,6 +66,7 @@ class Perception:
             clock: Monotonic time, that of the source's captures and the loop's [s].
         """
         self.frames = 0
+        self.first: float | None = None
         self.bodies = 0
         self.fault = ""
         self._source, self._detector, self._chain = source, detector, chain
@@ -101,6 +103,7 @@ class Perception:
             return
         received = self._clock()
         self.frames += 1
+        self.first = frame.t_capture if self.first is None else self.first
         try:
             look = self._look(frame, received)
         except Exception as error:  # whatever a model or a frame does, the next one may be fine
@@ -116,7 +119,8 @@ class Perception:
         landmarks = None if frame.colour is None else self._detector.detect(frame.colour, frame.t_capture)
         found = self._clock()
         self.bodies += landmarks is not None
-        estimate = self._chain.update(frame, landmarks)
+        lifted: list[float] = []
+        estimate = self._chain.update(frame, landmarks, lambda: lifted.append(self._clock()))
         look = Look(
             frame=frame,
             landmarks=landmarks,
@@ -128,7 +132,7 @@ class Perception:
             refused=self._chain.lock.refused,
         )
         self._tracker.feed(look)
-        self._stages.seen(look, found, found)
+        self._stages.seen(look, found, lifted[0] if lifted else None)
         return look
 
     def _run(self) -> None:

@@ -26,8 +26,9 @@ class RunReport(LoopReport):
         self._tracker, self._perception, self._about = tracker, perception, about
 
     def document(self) -> dict[str, Any]:
-        """All of it, JSON-ready; latencies in milliseconds."""
+        """All of it, JSON-ready; latencies in milliseconds, when the first frame was captured in seconds."""
         look = self._tracker.latest
-        frames = {"seen": self._perception.frames, "with_a_body": self._perception.bodies}
+        frames: dict[str, Any] = {"seen": self._perception.frames, "with_a_body": self._perception.bodies}
+        frames["first"] = self._perception.first
         frames["of_somebody_else"] = 0 if look is None else look.refused
         return self._about | super().document() | {"frames": frames, "fault": self._perception.fault}

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from camera_client.approach import Approach, HomeFirst, PacedLimiter
-from camera_client.board import Board
+from camera_client.board import Board, Shown
 from camera_client.calibration import TYPICAL, Calibration, default_folder, load
 from camera_client.chain import Chain
 from camera_client.cockpit import Cockpit, pause
@@ -60,7 +60,14 @@ _SWITCH_INTERVAL = 0.001
 """How long one thread may keep Python's lock from another one that wants it [s]: the loop's tick is 20 ms."""
 
 
-def run(settings: Settings, say: Say, *, terminal: bool, keep_going: Callable[[], bool]) -> RunReport:
+def run(
+    settings: Settings,
+    say: Say,
+    *,
+    terminal: bool,
+    keep_going: Callable[[], bool],
+    watch: Callable[[Shown], None] | None = None,
+) -> RunReport:
     """Run until it is asked to end, or the recording has.
 
     Args:
@@ -68,6 +75,7 @@ def run(settings: Settings, say: Say, *, terminal: bool, keep_going: Callable[[]
         say: Tells a person a line; the first is a line of JSON where the output is no terminal.
         terminal: Whether the output is one.
         keep_going: Asked all the time.
+        watch: Called with what is shown, as often as a window would be.
 
     Returns:
         What was done; it has been written to the file that was asked for.
@@ -77,11 +85,13 @@ def run(settings: Settings, say: Say, *, terminal: bool, keep_going: Callable[[]
         IKError: Service or robot cannot be reached at the beginning.
     """
     calibration, keep = calibration_of(settings), writable(settings.report)
+    # Programs read the first line of the output.
+    note: Say = say if terminal else lambda line: print(line, file=sys.stderr, flush=True)
     with contextlib.ExitStack() as stack:
         source = stack.enter_context(contextlib.closing(_source(settings)))
         if not source.has_depth:
-            say("this source has no depth: wrists will be about three times as far off as with a depth camera")
-        detector = stack.enter_context(contextlib.closing(detector_of(settings.model, say)))
+            note("this source has no depth: wrists will be about three times as far off as with a depth camera")
+        detector = stack.enter_context(contextlib.closing(detector_of(settings.model, note)))
         robot = stack.enter_context(RobotLink(settings.robot, ssl=trusting(settings.ca)))
         info = info_for(robot, settings.robot, settings.service, settings.ca)
         description = load_description(robot.welcome.robot)
@@ -94,6 +104,7 @@ def run(settings: Settings, say: Say, *, terminal: bool, keep_going: Callable[[]
                 window=settings.preview,
                 title=f"ik-camera: {source.description}",
                 terminal=terminal,
+                watch=watch,
             )
         )
         approaches = _approaches(settings)

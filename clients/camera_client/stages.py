@@ -1,15 +1,15 @@
 """The stages of the way from the light to the robot, and what each of them takes.
 
-| stage       | from                                  | to                                        | a sample for    |
-|-------------|---------------------------------------|-------------------------------------------|-----------------|
-| `camera`    | the light falls in                    | the frame is here                         | each frame      |
-| `landmarks` | the frame is here                     | the pose model has answered               | each frame      |
-| `lift`      | the pose model has answered           | depths are on the viewing rays            | each frame      |
-| `filter`    | depths are on the viewing rays        | both arms are estimated                   | each frame      |
-| `wait`      | both arms are estimated               | the tick of the loop that uses them first | each frame used |
-| `ik`        | the service is asked                  | it has answered                           | each solve      |
-| `command`   | the frame is here                     | the command that uses it first is sent    | each frame used |
-| `whole`     | the light falls in                    | the command that uses it first is sent    | each frame used |
+| stage       | from                                  | to                                        | a sample for     |
+|-------------|---------------------------------------|-------------------------------------------|------------------|
+| `camera`    | the light falls in                    | the frame is here                         | each frame       |
+| `landmarks` | the frame is here                     | the pose model has answered               | each frame       |
+| `lift`      | the pose model has answered           | depths are on the viewing rays            | each body lifted |
+| `filter`    | depths are on the viewing rays        | both arms are estimated                   | each body lifted |
+| `wait`      | both arms are estimated               | the tick of the loop that uses them first | each frame used  |
+| `ik`        | the service is asked                  | it has answered                           | each solve       |
+| `command`   | the frame is here                     | the command that uses it first is sent    | each frame used  |
+| `whole`     | the light falls in                    | the command that uses it first is sent    | each frame used  |
 
 A tick uses what is predicted to its own time, so `wait` costs freshness of what the camera saw, not truth of when.
 """
@@ -46,17 +46,19 @@ class Stages(StageLatencies):
         self._clock = clock
         self._used: Look | None = None
 
-    def seen(self, look: Look, found: float, lifted: float) -> None:
+    def seen(self, look: Look, found: float, lifted: float | None) -> None:
         """Take a frame.
 
         Args:
             look: What became of it.
             found: When the pose model had answered [s].
-            lifted: When depths were on the rays [s].
+            lifted: When depths were on the rays [s]; None where nothing was lifted.
         """
-        times = (look.captured, look.received, found, lifted, look.ready)
-        for name, begin, end in zip(("camera", "landmarks", "lift", "filter"), times[:-1], times[1:], strict=True):
-            self[name].add(1e3 * (end - begin))
+        self["camera"].add(1e3 * (look.received - look.captured))
+        self["landmarks"].add(1e3 * (found - look.received))
+        if lifted is not None:
+            self["lift"].add(1e3 * (lifted - found))
+            self["filter"].add(1e3 * (look.ready - lifted))
 
     def observe(self, report: TickReport, used: Look | None) -> None:
         """Take a tick, as soon as its command has been sent.
