@@ -19,6 +19,7 @@ POSTURES = {
     "chest": ((0.35, 0.45, -0.85), (0.5, -0.85, 0.25)),
     "e90out": ((0.3, 0.8, -0.5), (1.0, -0.1, 0.1)),
     "side": ((0.2, 0.7, -0.7), (0.5, 0.7, 0.3)),
+    "raised": ((0.25, 0.4, 0.88), (0.2, 0.1, 1.0)),
 }
 """Left arm: upper arm, forearm. In "occluded" the hand is before the elbow."""
 
