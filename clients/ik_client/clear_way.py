@@ -9,7 +9,8 @@ been found clear already.
 Arms that are nearer already, for whatever reason, may move as long as they come no nearer.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -56,32 +57,69 @@ class ClearWay:
         Raises:
             Exception: The clearance cannot be told. The limiter is as it was before.
         """
+        share, haste = _shares(q_last, q_wanted), min(1.0, 2.0 * self._haste)
+        limit = partial(self._limiter.limit, q_last, dt=dt)
+        tries = [partial(limit, q_wanted, haste=haste)]
+        tries += [partial(limit, q_wanted, haste=slower * haste * share) for slower in _SLOWER]
+        return self._first_safe(q_last, [*tries, self._brake(q_last, dt)], haste, waist)
+
+    def move(self, q_last: Array, velocity: Array, dt: float | None, waist: Array | None) -> Array:
+        """Move from the last command at wanted velocities; where that is not safe, slower in the same direction.
+
+        Args:
+            q_last: Last command, shape (n,) [rad].
+            velocity: How the joints shall move, shape (n,) [rad/s].
+            dt: Time since the last command [s]; None for an ordinary tick.
+            waist: Measured waist joints, shape (w,) [rad].
+
+        Returns:
+            The next command, shape (n,) [rad].
+
+        Raises:
+            Exception: The clearance cannot be told. The limiter is as it was before.
+        """
+        haste = min(1.0, 2.0 * self._haste)
+        paces = [haste, *(slower * haste for slower in _SLOWER)]
+        tries = [partial(self._limiter.move, q_last, pace * velocity, dt) for pace in paces]
+        return self._first_safe(q_last, [*tries, self._brake(q_last, dt)], haste, waist)
+
+    def _brake(self, q_last: Array, dt: float | None) -> Callable[[], Array]:
+        return partial(self._limiter.limit, q_last, np.full(len(q_last), np.nan), dt)
+
+    def _first_safe(
+        self, q_last: Array, steps: Sequence[Callable[[], Array]], haste: float, waist: Array | None
+    ) -> Array:
+        """Take the first step that is safe, else the one that keeps the largest distance; learn what haste is."""
         before = self._limiter.save()
         try:
-            return self._step(before, q_last, q_wanted, dt, waist)
+            return self._choose(before, q_last, steps, haste, waist)
         except Exception:
             self._limiter.restore(before)
             raise
 
-    def _step(self, before: Saved, q_last: Array, q_wanted: Array, dt: float | None, waist: Array | None) -> Array:
-        haste = min(1.0, 2.0 * self._haste)
-        q = self._limiter.limit(q_last, q_wanted, dt, haste)
+    def _choose(
+        self,
+        before: Saved,
+        q_last: Array,
+        steps: Sequence[Callable[[], Array]],
+        haste: float,
+        waist: Array | None,
+    ) -> Array:
+        fastest, *slower = steps
+        q = fastest()
         now, nearest = self._nearest(q_last, [(q, self._limiter.stop_path())], waist)
         if _safe(nearest[0], now):
             self._haste = haste
             return q
-        share = _shares(q_last, q_wanted)
-        tries = [(slower * haste * share, q_wanted) for slower in _SLOWER] + [(1.0, np.full(len(q_last), np.nan))]
         ways = []
-        for slower, goal in tries:
+        for step in slower:
             self._limiter.restore(before)
-            ways.append((self._limiter.limit(q_last, goal, dt, slower), self._limiter.stop_path()))
+            ways.append((step(), self._limiter.stop_path()))
         now, nearest = self._nearest(q_last, ways, waist)
         chosen = next((i for i, way in enumerate(nearest) if _safe(way, now)), int(np.argmax(nearest)))
         self._haste = max(haste * _SLOWER[min(chosen, len(_SLOWER) - 1)], _SLOWER[-1])
         self._limiter.restore(before)
-        slower, goal = tries[chosen]
-        return self._limiter.limit(q_last, goal, dt, slower)
+        return slower[chosen]()
 
     def _nearest(
         self, q_last: Array, ways: list[tuple[Array, Array]], waist: Array | None

@@ -190,13 +190,35 @@ class JointLimiter:
         Raises:
             ValueError: The last command is not n finite numbers.
         """
-        if not np.array_equal(q_last, self._q):
-            if np.shape(q_last) != self._q.shape or not np.isfinite(q_last).all():
-                raise ValueError(f"the last command must be {len(self._q)} finite numbers and is not")
-            self._restart(q_last)
+        self._begin(q_last)
         self._haste = haste
         step = interval(dt, self.period)
         if not (self._meet(q_wanted, step) or self._go_on(step)):
+            self._brake(step)
+        return self._q.copy()
+
+    def move(self, q_last: Array, velocity: Array, dt: float | None = None) -> Array:
+        """Move from the last command at wanted velocities, taken up and given up within the bounds.
+
+        Args:
+            q_last: Last command, as in `limit`.
+            velocity: How the joints shall move, shape (n,) [rad/s]; one without a finite velocity brakes and holds, and
+                so does one that could not stop before its limit.
+            dt: Time since the last command, as in `limit` [s].
+
+        Returns:
+            The next command, shape (n,) [rad], finite. A new array.
+
+        Raises:
+            ValueError: The last command is not n finite numbers.
+        """
+        self._begin(q_last)
+        self._haste = 1.0
+        self._moving_goal.forget()
+        step = interval(dt, self.period)
+        most = _MEETABLE * self._velocity_limit
+        wanted = np.clip(np.where(np.isfinite(velocity), velocity, 0.0), -most, most)
+        if not (self._take_up(wanted, step) or self._go_on(step)):
             self._brake(step)
         return self._q.copy()
 
@@ -210,6 +232,14 @@ class JointLimiter:
         """
         self._q, self._velocity, self._acceleration = np.array(q), np.array(velocity), np.array(acceleration)
         self._planned = False
+
+    def _begin(self, q_last: Array) -> None:
+        """Go on from the last command, or start anew where it is not ours."""
+        if np.array_equal(q_last, self._q):
+            return
+        if np.shape(q_last) != self._q.shape or not np.isfinite(q_last).all():
+            raise ValueError(f"the last command must be {len(self._q)} finite numbers and is not")
+        self._restart(q_last)
 
     def _restart(self, q: Array) -> None:
         self._q = np.array(q, dtype=np.float64)
@@ -241,6 +271,22 @@ class JointLimiter:
         if not self._compute(goal, still, brakes):
             return False
         self._take(*self._at(self._spare, step, still), step, ends_at_rest=True)
+        return True
+
+    def _take_up(self, wanted: Array, step: float) -> bool:
+        """Take a step towards the wanted velocities; False where there is no plan for it."""
+        every = np.ones(len(wanted), dtype=bool)
+        for _ in range(2):  # Again without those that would run into their limits.
+            if not self._compute(self._q, wanted, every):
+                return False
+            q, velocity, acceleration = self._at(self._spare, step, wanted)
+            low, high = stopping_points(q, velocity, acceleration, self._acceleration_limit, self._jerk_limit)
+            rises, sinks = (velocity > 0.0) & (wanted > 0.0), (velocity < 0.0) & (wanted < 0.0)
+            runs = (rises & (high > self._upper)) | (sinks & (low < self._lower))
+            if not runs.any():
+                break
+            wanted = np.where(runs, 0.0, wanted)
+        self._take(q, velocity, acceleration, step, ends_at_rest=not wanted.any())
         return True
 
     def _go_on(self, step: float) -> bool:

@@ -40,7 +40,17 @@ from ik_client.robot_watch import RobotWatch
 from ik_client.service_watch import ServiceWatch
 from ik_client.state_machine import ArmState
 from ik_client.steady_waist import SteadyWaist
-from ik_client.tick import NO_HANDS, Hold, Tick, is_finite, is_silence, one_line, usable
+from ik_client.tick import (
+    NO_HANDS,
+    Hold,
+    Tick,
+    first_command,
+    frozen,
+    is_silence,
+    one_line,
+    resting_goal,
+    usable,
+)
 from ik_client.tick_report import Seed, TickReport
 from ik_client.types import Command, HandSource, Kinematics, Limiter, RobotPort, RobotState
 from ik_proto import Array, Collision, FkReply, Reply, SolveReply
@@ -165,7 +175,7 @@ class TeleopLoop:
         tick = Tick(self._clock())
         if self._last is None:
             tick.measured = self._port.read()
-            self._last = _first_command(tick.measured, tick.time)
+            self._last = first_command(tick.measured, tick.time)
         last = self._last
         robot_fault = self._read(tick, len(last.q))
         self._robot.look(tick.measured, robot_fault, last.engaged, tick.time)
@@ -173,7 +183,7 @@ class TeleopLoop:
         steps = self._judge(tick, last)
         goal, tau = self._goal(tick, steps, last)
         tracking = goal is not None
-        q_wanted = goal if goal is not None else self._rest(tick, last)
+        q_wanted = goal if goal is not None else resting_goal(tick.measured, last)
         q = self._move(tick, last, q_wanted) if tracking else None
         if q is None:
             tracking, q_wanted = False, q_wanted if not tracking else np.full(len(last.q), np.nan)
@@ -342,17 +352,10 @@ class TeleopLoop:
         reply = self._heard(lambda: self._ik.clearance(q, waist))
         return np.full(len(q), np.inf) if reply.clearance is None else reply.clearance
 
-    def _rest(self, tick: Tick, last: Command) -> Array:
-        """The goal of a tick that follows nothing: rest, or towards where the robot's end holds its joints."""
-        measured = tick.measured
-        if measured is None or measured.q_set is None or measured.following or last.engaged:
-            return np.full(len(last.q), np.nan)
-        return measured.q_set
-
     def _send(self, q: Array, tau: Array, now: float, release: bool = False) -> Command:
         command = Command(
-            _frozen(np.array(q)),
-            _frozen(np.array(tau)),
+            frozen(np.array(q)),
+            frozen(np.array(tau)),
             now,
             session=self.session,
             seq=self._last.seq + 1 if self._last else 1,
@@ -365,21 +368,6 @@ class TeleopLoop:
         return command
 
 
-def _first_command(measured: RobotState, now: float) -> Command:
-    """Where the robot holds its joints, or where they are; not to be sent."""
-    q = np.array(measured.q if measured.q_set is None else measured.q_set, dtype=np.float64)
-    if q.ndim != 1 or not np.isfinite(q).all():
-        raise ValueError("the robot's first measurement is not a finite joint vector, so there is nothing to hold")
-    held = measured.tau_set
-    tau = np.array(held, dtype=np.float64) if held is not None and is_finite(held, len(q)) else np.zeros(len(q))
-    return Command(_frozen(q), _frozen(tau), now)
-
-
 def _reason_of(steps: tuple[ArmStep, ArmStep]) -> str:
     left, right = (step.reason for step in steps)
     return left if left == right else "; ".join(f"{s}: {r}" for s, r in zip(SIDES, (left, right), strict=True) if r)
-
-
-def _frozen(vector: Array) -> Array:
-    vector.flags.writeable = False
-    return vector

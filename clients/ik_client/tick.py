@@ -99,3 +99,30 @@ def one_line(error: Exception) -> str:
     if isinstance(error, Hold):
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def first_command(measured: RobotState, now: float) -> Command:
+    """Where the robot holds its joints, or where they are; not to be sent.
+
+    Raises:
+        ValueError: That is no finite joint vector.
+    """
+    q = np.array(measured.q if measured.q_set is None else measured.q_set, dtype=np.float64)
+    if q.ndim != 1 or not np.isfinite(q).all():
+        raise ValueError("the robot's first measurement is not a finite joint vector, so there is nothing to hold")
+    held = measured.tau_set
+    tau = np.array(held, dtype=np.float64) if held is not None and is_finite(held, len(q)) else np.zeros(len(q))
+    return Command(frozen(q), frozen(tau), now)
+
+
+def resting_goal(measured: RobotState | None, last: Command) -> Array:
+    """The goal of a tick that follows nothing: rest (NaN), or where the robot's end holds its joints [rad]."""
+    if measured is None or measured.q_set is None or measured.following or last.engaged:
+        return np.full(len(last.q), np.nan)
+    return measured.q_set
+
+
+def frozen(vector: Array) -> Array:
+    """The vector itself, from now on read-only."""
+    vector.flags.writeable = False
+    return vector

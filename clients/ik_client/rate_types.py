@@ -1,0 +1,125 @@
+"""What passes through the rate loop: an operator's wish in, the law to follow it by, and what a tick did."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from ik_client.state_machine import ArmState
+from ik_client.types import Command, Kinematics, RobotState
+from ik_proto import Array, Collision, Frame, Law, VelocityReply
+from ik_proto.limits import DEFAULT_ACCELERATION, DEFAULT_DAMPING, DEFAULT_POSTURE_GAIN, DEFAULT_SPEED
+
+MAX_AGE = 0.1
+"""Age at which a wish is no longer the operator's [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wish:
+    """What an operator wants in a tick.
+
+    Attributes:
+        twists: Velocities of the left and of the right wrist, linear [m/s] and angular [rad/s], shape (2, 6).
+        held: Whether the hold-to-run switch is held; None where it is not there.
+        time: When the operator was looked at, by the loop's clock [s].
+        frame: Along whose axes the twists are given.
+        home: Whether the arms shall go home instead.
+        stop: Whether the arms shall be disarmed.
+    """
+
+    twists: Array
+    held: bool | None
+    time: float
+    frame: Frame = "pelvis"
+    home: bool = False
+    stop: bool = False
+
+
+class WishSource(Protocol):
+    """Sticks, keys, a script."""
+
+    def wish(self, now: float) -> Wish | None:
+        """Say what the operator wants.
+
+        Args:
+            now: Time of the tick [s].
+
+        Returns:
+            The latest look, or None where there is none.
+        """
+        ...
+
+
+class RateKinematics(Kinematics, Protocol):
+    """What the loop needs of an `IKClient`."""
+
+    def velocity(
+        self,
+        left_twist: Array,
+        right_twist: Array,
+        q: Array,
+        dq: Array | None = None,
+        *,
+        frame: Frame = "pelvis",
+        law: Law = "adaptive",
+        hold: tuple[bool, bool] = (True, True),
+        damping: float = DEFAULT_DAMPING,
+        max_speed: float = DEFAULT_SPEED,
+        max_acceleration: float = DEFAULT_ACCELERATION,
+        period: float = ...,
+        posture: Array | None = None,
+        posture_gain: float = DEFAULT_POSTURE_GAIN,
+        left_bounds: Array | None = None,
+        right_bounds: Array | None = None,
+        waist: Array | None = None,
+        collision: Collision | None = None,
+    ) -> VelocityReply:
+        """Find joint velocities for two twists; see `IKClient.velocity`."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RateLaw:
+    """How twists become joint velocities; the fields are those of `IKClient.velocity`."""
+
+    law: Law = "adaptive"
+    hold: tuple[bool, bool] = (True, True)
+    damping: float = DEFAULT_DAMPING
+    max_speed: float = DEFAULT_SPEED
+    max_acceleration: float = DEFAULT_ACCELERATION
+    posture: Array | None = None
+    posture_gain: float = DEFAULT_POSTURE_GAIN
+    left_bounds: Array | None = None
+    right_bounds: Array | None = None
+    collision: Collision | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RateReport:
+    """What one tick did.
+
+    Attributes:
+        time: When it began [s].
+        state: State of both arms.
+        moving: Whether the arms followed: a twist, or the way home.
+        reason: Why they did not, in words that stay the same while the cause does; empty while they did.
+        command: What was sent to the robot.
+        wish: What the operator wanted; None where that is not known.
+        homing: Whether they were on their way home.
+        at_home: Whether they are there.
+        measured: What the robot measured; None where it could not be read.
+        reply: The service's answer to the twists; None where there was none.
+        round_trip: How long that took, successful or not [s]; None where nothing was asked.
+        fault: The exception that made them hold, if it was one.
+    """
+
+    time: float
+    state: ArmState
+    moving: bool
+    reason: str
+    command: Command
+    wish: Wish | None = None
+    homing: bool = False
+    at_home: bool = False
+    measured: RobotState | None = None
+    reply: VelocityReply | None = None
+    round_trip: float | None = None
+    fault: Exception | None = None
