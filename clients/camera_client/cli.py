@@ -161,6 +161,7 @@ def _run_options(parser: argparse.ArgumentParser) -> None:
     seen = parser.add_argument_group("what is seen")
     _camera_options(seen)
     seen.add_argument("--replay", metavar="FILE", type=Path, help="play a recording; its switch plays along")
+    seen.add_argument("--replay-speed", metavar="X", type=float, help="how many times faster it is played (1)")
     seen.add_argument("--user", metavar="NAME", help="take the calibration of this name")
     seen.add_argument("--tilt", metavar="DEG", type=float, help="how far the camera looks down (as calibrated, or 0)")
     operation = parser.add_argument_group("operation")

@@ -30,7 +30,7 @@ from camera_client.detector import PoseDetector
 from camera_client.loop_thread import LoopThread
 from camera_client.models import ensure_model
 from camera_client.perception import Perception
-from camera_client.robot_arms import robot_arms
+from camera_client.robot_arms import robot_geometry
 from camera_client.run_report import RunReport
 from camera_client.settings import Settings
 from camera_client.source import DEFAULT_FIELD_OF_VIEW, FrameSource, open_source
@@ -46,13 +46,15 @@ from ik_client.joint_limiter import MotionLimits
 from ik_client.pacer import Pacer
 from ik_client.robot_end import RobotLink
 from ik_client.start import await_state, info_for, trusting, writable
+from ik_client.steady_waist import SteadyWaist
 from ik_client.teleop import TeleopLoop
 from ik_proto.robots import RobotDescription, load_description
 
 Say = Callable[[str], None]
 
-GATE = GateLimits(max_age=0.2, min_interval=0.04)
-"""Frames come every 33 ms or a little more, and by then every tick has another prediction of the last one."""
+GATE = GateLimits(max_age=0.2, min_interval=0.1)
+"""Every tick has another prediction, but only a new frame can correct it: every 33 ms, or 100 ms on a busy machine. What
+is no hand's motion the chain has refused or smoothed before."""
 _SLOW = 0.5
 """How long something may take before it is explained [s]."""
 _FK_TIMEOUT = 2.0
@@ -108,8 +110,9 @@ def run(
             )
         )
         approaches = _approaches(settings)
+        geometry, waist = robot_geometry(description), SteadyWaist()
         tracker = CameraTracker(
-            robot_arms(description),
+            geometry.arms,
             cockpit.enable.held if cockpit.enable else None,
             approaches,
             lead=period,
@@ -136,6 +139,8 @@ def run(
         def tick() -> list[str]:
             done = loop.tick()
             stages.observe(done, tracker.used)
+            if done.measured is not None:
+                tracker.robot = geometry.bent(waist.update(done.measured.waist, done.time))
             for approach in approaches:
                 approach.observe(done)
             board.observe(done)
@@ -201,7 +206,9 @@ def _farewell(settings: Settings, loop: TeleopLoop, robot: RobotLink, perception
 
 
 def _source(settings: Settings) -> FrameSource:
-    return open_source(settings.what, field_of_view=settings.field_of_view_rad or DEFAULT_FIELD_OF_VIEW)
+    return open_source(
+        settings.what, field_of_view=settings.field_of_view_rad or DEFAULT_FIELD_OF_VIEW, speed=settings.replay_speed
+    )
 
 
 def detector_of(model: str, say: Say) -> PoseDetector:

@@ -24,6 +24,7 @@ class Settings:
         ca: PEM file with the authority of a `tls://` service or robot; None trusts the system's.
         source: Where frames come from, as `source.open_source` takes it.
         replay: A recording to play instead; its own switch plays along, unless one is given.
+        replay_speed: How many times faster than it was a recording is played.
         field_of_view: Of a webcam, from the left to the right edge [deg]; None for a usual one.
         model: Name or path of the pose model.
         user: Whose calibration to use; None for that of nobody.
@@ -43,6 +44,7 @@ class Settings:
     ca: Path | None = None
     source: str = "oak"
     replay: Path | None = None
+    replay_speed: float = 1.0
     field_of_view: float | None = None
     model: str = "full"
     user: str | None = None
@@ -68,6 +70,8 @@ class Settings:
             raise SettingsError(f"--speed {self.speed:g}: must be above 0 and at most 10 rad/s")
         if not 0.0 < self.start_speed <= self.speed:
             raise SettingsError(f"--start-speed {self.start_speed:g}: must be above 0 and at most --speed, in rad/s")
+        if not 0.1 <= self.replay_speed <= 10.0:
+            raise SettingsError(f"--replay-speed {self.replay_speed:g}: must be from 0.1 to 10")
         if self.tilt is not None and not abs(self.tilt) <= STEEPEST:
             raise SettingsError(f"--tilt {self.tilt:g}: must be from -{STEEPEST:g} to {STEEPEST:g} degrees")
         if self.field_of_view is not None and not 20.0 <= self.field_of_view <= 150.0:

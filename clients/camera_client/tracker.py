@@ -64,7 +64,7 @@ class CameraTracker:
     """A camera as the teleop loop's `HandSource`.
 
     Attributes:
-        robot: Whose wrists.
+        robot: Whose wrists, with its waist as it stands; may be replaced from the loop's thread.
         switch: The hold-to-run switch; None takes the one that was recorded with the frames.
         approaches: Of the left and the right arm; one that goes home shows no elbow.
         lead: How long after the tick its command counts [s].
