@@ -73,7 +73,7 @@ class PoseDetector:
         )
         try:
             landmarker = tasks.vision.PoseLandmarker.create_from_options(options)
-            self._look(landmarker, _REHEARSAL, 1)
+            self._look(landmarker, _REHEARSAL, stamp=0)
         except (OSError, RuntimeError, ValueError) as error:
             raise ModelError(f"{model} is no pose landmarker ({str(error).splitlines()[0]})") from None
         return landmarker

@@ -45,6 +45,7 @@ class Playback:
             SourceError: The speed is not positive.
         """
         if not 0.0 < speed < math.inf:
+            recording.close()
             raise SourceError(f"a recording cannot be played {speed:g} times as fast")
         self.recording = recording
         self.held: bool | None = None
@@ -100,6 +101,8 @@ class Playback:
         self._next = number + 1
         self.held = self.recording.entries[number].held
         self.age = self._clock() - t_capture
+        if self.finished:
+            self.close()
         return frame
 
     def close(self) -> None:

@@ -21,8 +21,8 @@ from camera_client.pictures import PictureError, decode_colour, decode_depth
 from camera_client.source import SourceError
 
 FORMAT, VERSION = "ikcam", 1
-META, COLOUR, DEPTH, LINE = "meta.json", "jpg", "png", "json"
-"""Name of the first file; endings of those of a frame, `00000000.jpg` and so on."""
+META, COLOUR, DEPTH, LINE = "meta.json", "jpg", "png", "time.json"
+"""Name of the first file; endings of those of a frame, `00000000.jpg` and so on. They sort in the order they have."""
 LARGEST_SIDE = 4096
 """Of a picture [pixel]."""
 LARGEST = {META: 1 << 16, COLOUR: 1 << 25, DEPTH: 1 << 26, LINE: 1 << 12}
@@ -222,7 +222,7 @@ class Recording:
 
 
 def _largest(name: str) -> int:
-    return LARGEST.get(name, LARGEST.get(name.rpartition(".")[2], -1))
+    return LARGEST.get(name, LARGEST.get(name.partition(".")[2], -1))
 
 
 def _printable(text: str) -> str:
