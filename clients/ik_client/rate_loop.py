@@ -142,7 +142,8 @@ class RateLoop:
             tick.measured = self._port.read()
             self._last = first_command(tick.measured, tick.time)
         last = self._last
-        self._robot.look(tick.measured, self._read(tick, len(last.q)), last.engaged, tick.time)
+        robot_fault = self._read(tick, len(last.q))
+        self._robot.look(tick.measured, robot_fault, last.engaged, tick.time)
         wish = self._look_at_operator(tick)
         self._judge(tick, wish, last)
         reply, q = None, None
@@ -153,6 +154,7 @@ class RateLoop:
         if q is None:
             q = self._limiter.limit(last.q, resting_goal(tick.measured, last), tick.time - last.time)
         command = self._send(q, tick.time, self._motion(wish, reply) if moving else None)
+        sent = self._clock()
         idle = None if moving else self._look_at_service(tick, command)
         self._ask_torque(tick, command)
         return RateReport(
@@ -161,6 +163,7 @@ class RateLoop:
             moving=moving,
             reason="" if moving else tick.reason or self._absent or self._reason,
             command=command,
+            sent=sent,
             wish=wish,
             homing=homing and moving,
             at_home=self._home(len(q)).arrived(q),
@@ -227,7 +230,7 @@ class RateLoop:
             if tick.measured is None:
                 raise Hold("the robot cannot be read")
             if wish.home:
-                velocity = self._home(len(last.q)).velocity(last.q)
+                velocity = self._ramped(self._home(len(last.q)).velocity(last.q))
             else:
                 reply = self._ask(tick, wish.twists, wish, last)
                 velocity = self._usable(reply, len(last.q), tick.time)
@@ -267,6 +270,16 @@ class RateLoop:
             raise
         self._service.succeeded()
         return dq
+
+    def _ramped(self, wanted: Array) -> Array:
+        """A velocity towards the wanted one, no faster than the largest acceleration, all joints by the same share.
+
+        The service does so with its answers; where each joint was left to the limiter, the way would be bent.
+        """
+        velocity = self._limiter.velocity
+        change = wanted - velocity
+        most = self._law.max_acceleration * self._limiter.period
+        return velocity + change * min(1.0, most / max(float(np.abs(change).max()), 1e-12))
 
     def _move(self, tick: Tick, velocity: Array, last: Command) -> Array:
         since = tick.time - last.time

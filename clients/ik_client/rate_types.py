@@ -102,6 +102,7 @@ class RateReport:
         moving: Whether the arms followed: a twist, or the way home.
         reason: Why they did not, in words that stay the same while the cause does; empty while they did.
         command: What was sent to the robot.
+        sent: When it was on its way [s].
         wish: What the operator wanted; None where that is not known.
         homing: Whether they were on their way home.
         at_home: Whether they are there.
@@ -116,6 +117,7 @@ class RateReport:
     moving: bool
     reason: str
     command: Command
+    sent: float
     wish: Wish | None = None
     homing: bool = False
     at_home: bool = False

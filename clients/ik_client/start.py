@@ -7,6 +7,7 @@ import ssl
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from ik_client.client import IKClient
 from ik_client.robot_end import RobotLink, RobotSilent
@@ -33,14 +34,21 @@ def trusting(ca: Path | None) -> ssl.SSLContext | None:
         raise SettingsError(f"{ca} holds no certificate of an authority ({error.strerror})") from None
 
 
-def info_for(robot: RobotLink, robot_url: str, service_url: str, ca: Path | None) -> InfoReply:
+def info_for(robot: RobotLink, robot_url: str, service_url: str, ca: Path | None = None, **access: Any) -> InfoReply:
     """What the service says of itself; it must serve this very robot.
+
+    Args:
+        robot: The robot.
+        robot_url: Its address.
+        service_url: The service's.
+        ca: As in `IKClient`.
+        access: What else `IKClient` takes to be let in.
 
     Raises:
         SettingsError: It serves another one.
         IKError: It does not answer.
     """
-    with IKClient(service_url, timeout=_INFO_TIMEOUT, ca=ca) as asking:
+    with IKClient(service_url, timeout=_INFO_TIMEOUT, ca=ca, **access) as asking:
         info = asking.info()
     if tuple(info.joint_names) != robot.welcome.joint_names:
         raise SettingsError(

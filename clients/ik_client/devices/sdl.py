@@ -7,6 +7,7 @@
 
 import contextlib
 import os
+import sys
 from collections.abc import Generator
 from pathlib import Path
 from types import ModuleType, TracebackType
@@ -17,6 +18,8 @@ from numpy.typing import NDArray
 
 from ik_client.devices.errors import DeviceError
 from ik_client.devices.pad import Pad
+
+_DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")
 
 
 class Devices:
@@ -120,6 +123,9 @@ class Devices:
 
     def _begin(self, window: tuple[int, int] | None, title: str) -> None:
         pygame = self._pygame
+        # Without a display SDL would fall back to one that nobody sees, not without complaining.
+        if window and sys.platform == "linux" and not os.environ.keys() & _DISPLAYS:
+            raise pygame.error(f"none of {', '.join(_DISPLAYS)} is set")
         with _driver(None if window else "dummy"):
             pygame.display.init()
         if window is not None:
