@@ -4,16 +4,16 @@ What it needs is imported after the arguments are read, so that `--help` and mis
 """
 
 import argparse
-import signal
 import sys
-from collections.abc import Callable, Sequence
-from importlib.util import find_spec
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-EXIT_OK, EXIT_USAGE = 0, 2
+from ik_client.access_options import AccessFiles, add_access_options
+from ik_client.command import KeepGoing, run_command
+
 _PACKAGES = ("mediapipe", "cv2", "pygame", "rich", "hdrh", "ruckig")
-_COMMANDS = ("run", "calibrate", "record", "models")
+_ACCESS = ("token_file", "ca", "cert", "key", "zenoh_config")
 
 _EPILOG = """\
 examples:
@@ -28,11 +28,10 @@ examples:
   ik-camera --replay monday.ikcam             play it again, without a camera
   ik-camera models                            make all pose models now, while there is a network
 
-commands (ik-camera COMMAND --help tells more):
-  run        what it does without a command
-  calibrate  fit your limbs and the camera's tilt, kept under a name
-  record     keep what the camera sees
-  models     make the pose models
+ik-camera run --help lists the options of what it does without a command.
+
+environment:
+  IK_TOKEN  secret of a service or robot that demands one
 
 exit codes:
   0  ran to the end of the recording, or until Ctrl-C, Esc or the window was closed
@@ -52,58 +51,43 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code, as `--help` documents.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    if not (words and (words[0] in _COMMANDS or words[0] in ("-h", "--help"))):
+    if not (words and (words[0] in _DO or words[0] in ("-h", "--help"))):
         words.insert(0, "run")
     options = vars(_parser().parse_args(words))
-    command = options.pop("command")
-    missing = [name for name in _PACKAGES if find_spec(name) is None]
-    if missing:
-        return _fail(f"package {missing[0]} is missing: pip install 'ik-service[camera]'")
-    from ik_client.errors import IKError
-
-    ended: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _frame: ended.append(number))
-    try:
-        return _DO[command](options, lambda: not ended)
-    # The errors of settings, devices, sources, models and calibrations are ValueErrors of one line each.
-    except (ValueError, IKError, OSError) as error:
-        return _fail(" ".join(str(error).split()))
+    do = _DO[options.pop("command")]
+    return run_command("ik-camera", "camera", _PACKAGES, lambda keep_going: do(options, keep_going))
 
 
-def _run(options: dict[str, Any], keep_going: Callable[[], bool]) -> int:
+def _run(options: dict[str, Any], keep_going: KeepGoing) -> None:
     from camera_client.session import run
     from camera_client.settings import Settings
 
     if "enable" in options:
         options["enable"] = tuple(options["enable"])
+    options["access"] = AccessFiles(**{name: options.pop(name) for name in _ACCESS})
     report = run(Settings(**options), _say, terminal=sys.stdout.isatty(), keep_going=keep_going)
     for line in report.lines():
         _say(line)
-    return EXIT_OK
 
 
-def _calibrate(options: dict[str, Any], keep_going: Callable[[], bool]) -> int:
+def _calibrate(options: dict[str, Any], keep_going: KeepGoing) -> None:
     from camera_client.calibrate import calibrate
 
     calibrate(say=_say, keep_going=keep_going, **options)
-    return EXIT_OK
 
 
-def _record(options: dict[str, Any], keep_going: Callable[[], bool]) -> int:
+def _record(options: dict[str, Any], keep_going: KeepGoing) -> None:
     from camera_client.record import record
 
     record(say=_say, keep_going=keep_going, **options)
-    return EXIT_OK
 
 
-def _models(_options: dict[str, Any], _keep_going: Callable[[], bool]) -> int:
+def _models(_options: dict[str, Any], _keep_going: KeepGoing) -> None:
     from camera_client.models import make_models
 
     _say("making the pose models lite, full and heavy ...")
     for file in make_models():
         _say(f"{file} ({file.stat().st_size / 1e6:.1f} MB)")
-    return EXIT_OK
 
 
 _DO = {"run": _run, "calibrate": _calibrate, "record": _record, "models": _models}
@@ -112,7 +96,7 @@ _DO = {"run": _run, "calibrate": _calibrate, "record": _record, "models": _model
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="ik-camera",
-        description="Stand before a depth camera, and the robot mirrors your arms while you hold a switch. It holds "
+        description="Stand before a depth camera, and the robot mirrors your arms while you hold a switch. It holds\n"
         "its arms otherwise, and whenever an arm is out of view, a frame is late, or somebody else steps in.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -157,7 +141,6 @@ def _camera_options(parser: argparse._ActionsContainer) -> None:
 def _run_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--service", metavar="URL", help="the IK service (tcp://127.0.0.1:12345)")
     parser.add_argument("--robot", metavar="URL", help="the robot's end (tcp://127.0.0.1:12346)")
-    parser.add_argument("--ca", metavar="FILE", type=Path, help="authority of a tls:// service or robot (PEM)")
     seen = parser.add_argument_group("what is seen")
     _camera_options(seen)
     seen.add_argument("--replay", metavar="FILE", type=Path, help="play a recording; its switch plays along")
@@ -184,12 +167,8 @@ def _run_options(parser: argparse.ArgumentParser) -> None:
     operation.add_argument("--no-preview", dest="preview", action="store_false", help="open no window")
     operation.add_argument("--report", metavar="FILE.json", type=Path, help="write what was done, with all latencies")
     operation.add_argument("--release", action="store_true", help="at the end, have the robot take its arms back")
+    add_access_options(parser)
 
 
 def _say(line: str) -> None:
     print(line, flush=True)
-
-
-def _fail(message: str) -> int:
-    print(f"ik-camera: {message}", file=sys.stderr)
-    return EXIT_USAGE

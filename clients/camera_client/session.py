@@ -48,12 +48,13 @@ from ik_client.robot_end import RobotLink
 from ik_client.start import await_state, info_for, trusting, writable
 from ik_client.steady_waist import SteadyWaist
 from ik_client.teleop import TeleopLoop
-from ik_proto.robots import RobotDescription, load_description
+from ik_proto import FkReply
+from ik_proto.robots import load_description
 
 Say = Callable[[str], None]
 
 GATE = GateLimits(max_age=0.2, min_interval=0.1)
-"""Every tick has another prediction, but only a new frame can correct it: every 33 ms, or 100 ms on a busy machine. What
+"""Every tick has another prediction, but only a new frame corrects it: every 33 ms, or 100 ms on a busy machine. What
 is no hand's motion the chain has refused or smoothed before."""
 _SLOW = 0.5
 """How long something may take before it is explained [s]."""
@@ -94,11 +95,15 @@ def run(
         if not source.has_depth:
             note("this source has no depth: wrists will be about three times as far off as with a depth camera")
         detector = stack.enter_context(contextlib.closing(detector_of(settings.model, note)))
-        robot = stack.enter_context(RobotLink(settings.robot, ssl=trusting(settings.ca)))
-        info = info_for(robot, settings.robot, settings.service, settings.ca)
+        access = settings.access.arguments()
+        ca = Path(settings.access.ca) if settings.access.ca else None
+        robot = stack.enter_context(RobotLink(settings.robot, token=access["token"], ssl=trusting(ca)))
+        info = info_for(robot, settings.robot, settings.service, **access)
         description = load_description(robot.welcome.robot)
         period = robot.welcome.period
-        client = stack.enter_context(IKClient(settings.service, timeout=0.5 * period, ca=settings.ca))
+        with IKClient(settings.service, timeout=_FK_TIMEOUT, **access) as asking:
+            home = asking.fk(np.array([description.joint(name).home for name in info.joint_names]))
+        client = stack.enter_context(IKClient(settings.service, timeout=0.5 * period, **access))
         cockpit = stack.enter_context(
             Cockpit(
                 settings.enable,
@@ -124,7 +129,7 @@ def run(
             tracker,
             robot,
             PacedLimiter(len(info.joint_names), period, limits, approaches, lower=info.lower, upper=info.upper),
-            arms=_arms(settings, approaches, info.joint_names, description),
+            arms=_arms(approaches, home),
             feed_forward=True,
         )
         stages = Stages()
@@ -258,15 +263,10 @@ def _approaches(settings: Settings) -> tuple[Approach, Approach]:
     return Approach(0, slow, home_first=home_first), Approach(1, slow, home_first=home_first)
 
 
-def _arms(
-    settings: Settings, approaches: tuple[Approach, Approach], joints: list[str], description: RobotDescription
-) -> tuple[ArmEngagement, ArmEngagement]:
+def _arms(approaches: tuple[Approach, Approach], home: FkReply) -> tuple[ArmEngagement, ArmEngagement]:
     """How the arms engage: at the operator's word, from home."""
-    home = np.array([description.joint(name).home for name in joints])
-    with IKClient(settings.service, timeout=_FK_TIMEOUT, ca=settings.ca) as asking:
-        wrists = asking.fk(home)
     left, right = (
         ArmEngagement(gate=PoseGate(GATE), clutch=HomeFirst(approach, wrist), authority=Authority(fall=ABSOLUTE_FALL))
-        for approach, wrist in zip(approaches, (wrists.left_wrist, wrists.right_wrist), strict=True)
+        for approach, wrist in zip(approaches, (home.left_wrist, home.right_wrist), strict=True)
     )
     return left, right

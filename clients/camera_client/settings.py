@@ -1,10 +1,11 @@
 """What `ik-camera run` is asked to do."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from camera_client.approach import SLOW
+from ik_client.access_options import AccessFiles
 from ik_client.start import SettingsError
 
 FASTEST_JOINT = 3.0
@@ -21,7 +22,7 @@ class Settings:
     Attributes:
         service: Address of the IK service.
         robot: Address of the robot's end.
-        ca: PEM file with the authority of a `tls://` service or robot; None trusts the system's.
+        access: What a service or robot that asks is shown.
         source: Where frames come from, as `source.open_source` takes it.
         replay: A recording to play instead; its own switch plays along, unless one is given.
         replay_speed: How many times faster than it was a recording is played.
@@ -41,7 +42,7 @@ class Settings:
 
     service: str = "tcp://127.0.0.1:12345"
     robot: str = "tcp://127.0.0.1:12346"
-    ca: Path | None = None
+    access: AccessFiles = field(default_factory=AccessFiles)
     source: str = "oak"
     replay: Path | None = None
     replay_speed: float = 1.0

@@ -13,7 +13,6 @@ from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Any, Self
 
-import numpy as np
 from numpy.typing import NDArray
 
 from ik_client.devices.errors import DeviceError
@@ -89,7 +88,7 @@ class Devices:
             return False
         return True
 
-    def show(self, picture: NDArray[np.uint8]) -> None:
+    def show(self, picture: NDArray[Any]) -> None:
         """Show a picture in the window; nothing without one.
 
         Args:
