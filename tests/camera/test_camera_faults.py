@@ -1,0 +1,177 @@
+"""What goes wrong before the camera, in it and behind it: the arms hold. Service and robot are real processes."""
+
+import signal
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from acted import ASIDE, BOTH_ACTIVE, Operator, Running
+from mirror_rig import Watcher
+from processes import running
+
+from camera_client.cockpit import Cockpit
+from ik_client.state_machine import ArmState
+
+HOLDING = {ArmState.HOLD, ArmState.DISARMED, ArmState.ALIGNING}
+BRAKED_S = 0.4
+"""Time to come to rest from any motion, and to spare [s]."""
+AT_ONCE = {"start": "operator", "start_speed": 3.0}
+"""The slow beginning has tests of its own."""
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory) -> Iterator[str]:
+    """Address of a simulated robot."""
+    command = ("sim_client", "--listen", "127.0.0.1:0", "--headless", "--eyes-to", "off")
+    with running(*command, log=tmp_path_factory.mktemp("robot") / "log") as (_, ready):
+        yield f"tcp://{ready['listen']}"
+
+
+def stands_still(watcher: Watcher, seconds: float = 0.3) -> bool:
+    """Whether the robot's set-point does not move, once it has had the time to brake."""
+    time.sleep(BRAKED_S)
+    begin = time.monotonic()
+    time.sleep(seconds)
+    q = np.array([one.q_set for one in watcher.between(begin, time.monotonic())])
+    assert len(q) > 2
+    return float(np.abs(q - q[0]).max()) <= 1e-9
+
+
+def follow(run: Running, operator: Operator) -> None:
+    """Let go, press, and wait until both arms follow."""
+    operator.held = False
+    run.until(lambda shown: shown.switch is False and not any(state is ArmState.ACTIVE for state in shown.states))
+    operator.held = True
+    run.until(lambda shown: shown.states == BOTH_ACTIVE)
+
+
+def held(run: Running) -> None:
+    """Wait until no arm follows."""
+    run.until(lambda shown: set(shown.states) <= HOLDING)
+
+
+def test_whatever_happens_to_the_operator_the_arms_hold_and_go_on(monkeypatch, robot, service_process):
+    operator = Operator()
+    with Watcher(robot) as watcher, Running(monkeypatch, operator, service_process.tcp_url, robot, **AT_ONCE) as run:
+        # The switch is not held: arms may do what they like.
+        run.until(lambda shown: shown.look is not None and shown.look.estimate is not None)
+        assert stands_still(watcher)
+        assert run.until(lambda shown: shown.switch is False).states == (ArmState.DISARMED, ArmState.DISARMED)
+        follow(run, operator)
+        assert not stands_still(watcher)
+
+        # Nobody in view: hold, and disarmed in the end; the same press does not count any more.
+        operator.body = False
+        held(run)
+        assert stands_still(watcher)
+        run.until(lambda shown: shown.trouble == "nobody faces the camera")
+        operator.body = True
+        run.until(lambda shown: shown.operator == "in view")
+        assert stands_still(watcher)
+        follow(run, operator)
+
+        # A passer-by takes the pose model's eye.
+        operator.place = ASIDE
+        held(run)
+        shown = run.until(lambda shown: shown.trouble.startswith("somebody else"))
+        assert "somebody else" in shown.operator
+        assert stands_still(watcher)
+        operator.place = Operator().place
+        follow(run, operator)
+
+        # The camera stops.
+        operator.frames = False
+        held(run)
+        assert run.until(lambda shown: shown.trouble.startswith("no frame for")).states != BOTH_ACTIVE
+        assert stands_still(watcher)
+        operator.frames = True
+        follow(run, operator)
+
+        # The pose model fails.
+        operator.broken = True
+        held(run)
+        assert stands_still(watcher)
+        operator.broken = False
+        follow(run, operator)
+
+        # One arm out of view: the other one goes on.
+        operator.hidden = (0,)
+        run.until(lambda shown: shown.states[0] in HOLDING and shown.states[1] is ArmState.ACTIVE)
+        assert not stands_still(watcher)
+        assert "the left arm is out of view" in run.until(lambda shown: shown.states[0] in HOLDING).arms[0]
+        operator.hidden = ()
+        follow(run, operator)
+
+        # Let go.
+        operator.held = False
+        held(run)
+        assert stands_still(watcher)
+        # Nobody can tell.
+        follow(run, operator)
+        operator.held = None
+        held(run)
+        assert stands_still(watcher)
+    assert run.error is None
+    assert "camera: RuntimeError: the model is broken" in run.said
+    assert "camera: frames come again" in run.said
+    assert run.report is not None
+    assert run.report.step_at_rest <= 1e-9
+
+
+def test_a_press_while_nobody_is_there_is_void(monkeypatch, robot, service_process):
+    operator = Operator()
+    with Watcher(robot) as watcher, Running(monkeypatch, operator, service_process.tcp_url, robot, **AT_ONCE) as run:
+        run.until(lambda shown: shown.look is not None and shown.look.estimate is not None)
+        operator.body = False
+        run.until(lambda shown: shown.trouble == "nobody faces the camera")
+        operator.held = True
+        run.until(lambda shown: shown.switch)
+        operator.body = True
+        run.until(lambda shown: shown.operator == "in view")
+        assert stands_still(watcher)
+        follow(run, operator)
+
+
+def test_when_the_source_ends_the_arms_hold_and_so_does_the_run(monkeypatch, robot, service_process):
+    operator = Operator()
+    with Watcher(robot) as watcher, Running(monkeypatch, operator, service_process.tcp_url, robot, **AT_ONCE) as run:
+        follow(run, operator)
+        operator.fault, operator.finished = "the cable is out", True
+        run.ended()
+        assert run.error is None
+        assert stands_still(watcher)
+    assert "the source has ended: the cable is out" in run.said
+    assert "the robot holds its arms where they are" in run.said
+
+
+def test_a_service_that_dies_holds_the_arms(monkeypatch, robot, start_service):
+    service = start_service()
+    operator = Operator()
+    with Watcher(robot) as watcher, Running(monkeypatch, operator, service.tcp_url, robot, **AT_ONCE) as run:
+        follow(run, operator)
+        service.stop(signal.SIGKILL)
+        held(run)
+        assert stands_still(watcher)
+        run.until(lambda shown: shown.states == (ArmState.DISARMED, ArmState.DISARMED))
+    assert run.error is None
+    assert any("service" in line.lower() for line in run.said if "arm:" in line)
+
+
+def test_the_next_operator_begins_with_a_press_of_their_own(monkeypatch, robot, service_process):
+    """Released by a key: the arms are disarmed, and whoever is seen next is the operator."""
+    operator = Operator()
+    pressed: list[bool] = []
+    attend = Cockpit.attend
+    monkeypatch.setattr(Cockpit, "attend", lambda self, now: attend(self, now) or (bool(pressed) and pressed.pop()))
+    with Watcher(robot) as watcher, Running(monkeypatch, operator, service_process.tcp_url, robot, **AT_ONCE) as run:
+        follow(run, operator)
+        operator.place = ASIDE
+        run.until(lambda shown: shown.trouble.startswith("somebody else"))
+        pressed.append(True)
+        run.until(lambda shown: shown.operator == "in view")
+        assert run.until(lambda shown: shown.states != BOTH_ACTIVE).switch is True
+        assert stands_still(watcher)
+        follow(run, operator)
+        assert not stands_still(watcher)
+    assert "whoever is seen next is the operator" in run.said
