@@ -1,4 +1,4 @@
-"""Real processes of the system, as the tests of the clients start them."""
+"""Real processes of the system, as the tests of clients start them."""
 
 import json
 import os

@@ -46,7 +46,7 @@ class Picture:
         """
         self._surface.fill(_BACK)
         self._text(self._large, str(status.state), (20, 16), _STATES[status.state])
-        words = "going home" if status.homing else status.reason
+        words = status.reason or ("going home" if status.homing else "")
         self._text(self._small, words or ("" if status.state is ArmState.ACTIVE else status.hint), (20, 46), _TEXT)
         self._text(self._small, f"{status.speed:.2f} m/s   axes of the {status.frame}", (420, 22), _TEXT)
         for side, hand in enumerate(status.hands):

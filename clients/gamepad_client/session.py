@@ -16,6 +16,7 @@ from gamepad_client.run_report import RunReport
 from gamepad_client.settings import Settings
 from gamepad_client.shaping import Shaping
 from gamepad_client.status import status_of
+from ik_client.clear_way import KEPT
 from ik_client.client import IKClient
 from ik_client.devices import DeviceError, Devices
 from ik_client.homing import Homing
@@ -25,7 +26,7 @@ from ik_client.rate_loop import RateLoop
 from ik_client.rate_types import RateLaw
 from ik_client.robot_end import RobotLink
 from ik_client.start import SettingsError, await_state, info_for, trusting, writable
-from ik_proto import InfoReply
+from ik_proto import Array, InfoReply
 
 _WARM_UP = 120.0
 """How long the service may take to have its rate control compiled [s]."""
@@ -71,7 +72,8 @@ def run(settings: Settings, say: Say, *, terminal: bool, keep_going: Callable[[]
         ca = Path(settings.access.ca) if settings.access.ca else None
         robot = stack.enter_context(RobotLink(settings.robot, token=access["token"], ssl=trusting(ca)))
         info = info_for(robot, settings.robot, settings.service, **access)
-        _warm_up(settings, info, access, say if terminal else lambda _line: None)
+        home = settings.home_posture(info)
+        _warm_up(settings, info, home, access, say if terminal else lambda _line: None)
         period = 1.0 / settings.rate
         client = stack.enter_context(IKClient(settings.service, timeout=max(_TIMEOUT, 0.5 * period), **access))
         loop = RateLoop(
@@ -80,7 +82,7 @@ def run(settings: Settings, say: Say, *, terminal: bool, keep_going: Callable[[]
             robot,
             JointLimiter(len(info.joint_names), period, _LIMITS, lower=info.lower, upper=info.upper, inset=_INSET),
             law=_law(settings),
-            homing=Homing(settings.home_posture(info), settings.home_gain, settings.home_speed),
+            homing=Homing(home, settings.home_gain, settings.home_speed),
         )
         await_state(robot)
         report = RunReport()
@@ -161,11 +163,22 @@ def _await_pad(settings: Settings, devices: Devices) -> None:
         time.sleep(0.01)
 
 
-def _warm_up(settings: Settings, info: InfoReply, access: dict[str, Any], say: Say) -> None:
-    """Have the service load its rate control, which takes seconds where it has to be compiled."""
+def _warm_up(settings: Settings, info: InfoReply, home: Array, access: dict[str, Any], say: Say) -> None:
+    """Have the service load its rate control, which takes seconds where it has to be compiled; see if home is clear.
+
+    Raises:
+        SettingsError: It is not.
+    """
     say(f"{settings.service} serves {info.robot}; its rate control gets ready")
     with IKClient(settings.service, timeout=_WARM_UP, **access) as asking:
-        asking.velocity(np.zeros(6), np.zeros(6), np.clip(np.zeros(len(info.lower)), info.lower, info.upper))
+        asking.velocity(np.zeros(6), np.zeros(6), home)
+        measured = asking.clearance(home[None])
+    if measured.clearance is not None and measured.nearest is not None and measured.clearance[0] < KEPT:
+        one, other = measured.nearest
+        raise SettingsError(
+            f"--home {settings.home}: {one} and {other} would be {1e3 * measured.clearance[0]:.0f} mm apart there, and "
+            f"the arms keep {1e3 * KEPT:.0f}: choose another posture"
+        )
 
 
 def _law(settings: Settings) -> RateLaw:

@@ -65,13 +65,19 @@ def status_of(report: RateReport, operator: Operator, layout: Layout, *, keyboar
     return Status(
         device=device,
         state=report.state,
-        reason="at home" if report.homing and report.at_home else report.reason,
+        reason=_reason(report),
         hands=(_hand(report, 0), _hand(report, 1)),
         frame=operator.frame,
         speed=operator.speed,
         homing=report.homing,
         hint=f"hold {hold.partition(':')[2].replace('_', ' ')} and move",
     )
+
+
+def _reason(report: RateReport) -> str:
+    if report.blocked:
+        return "the way home is not clear of the body: lead the hands around it with the sticks"
+    return "at home" if report.homing and report.at_home else report.reason
 
 
 def _hand(report: RateReport, side: int) -> Hand:

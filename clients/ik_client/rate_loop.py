@@ -51,6 +51,9 @@ R = TypeVar("R", bound=Reply)
 IDLE_EVERY = 0.1
 """Time between two looks at the service while no arm moves [s]."""
 
+STANDS = 1e-3
+"""Speed of a joint that counts as standing still [rad/s]."""
+
 _PRESS = "not engaged: press the hold-to-run switch"
 _UNDER_WAY = frozenset({ArmState.ACTIVE, ArmState.HOLD})
 _TOO_FAST = 1.01
@@ -151,12 +154,14 @@ class RateLoop:
         if self.state is ArmState.ACTIVE and wish is not None:
             reply, q = self._follow(tick, wish, last)
         moving = q is not None
+        homing = homing and moving
         if q is None:
             q = self._limiter.limit(last.q, resting_goal(tick.measured, last), tick.time - last.time)
         command = self._send(q, tick.time, self._motion(wish, reply) if moving else None)
         sent = self._clock()
         idle = None if moving else self._look_at_service(tick, command)
         self._ask_torque(tick, command)
+        at_home = self._home(len(q)).arrived(q)
         return RateReport(
             time=tick.time,
             state=self.state,
@@ -165,8 +170,9 @@ class RateLoop:
             command=command,
             sent=sent,
             wish=wish,
-            homing=homing and moving,
-            at_home=self._home(len(q)).arrived(q),
+            homing=homing,
+            at_home=at_home,
+            blocked=homing and not at_home and float(np.abs(self._limiter.velocity).max()) < STANDS,
             measured=tick.measured,
             reply=reply or idle,
             round_trip=tick.round_trip,

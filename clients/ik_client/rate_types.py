@@ -106,6 +106,7 @@ class RateReport:
         wish: What the operator wanted; None where that is not known.
         homing: Whether they were on their way home.
         at_home: Whether they are there.
+        blocked: Whether they are on their way home, not there, and do not move: the straight way is not clear.
         measured: What the robot measured; None where it could not be read.
         reply: The service's answer to the twists; None where there was none.
         round_trip: How long that took, successful or not [s]; None where nothing was asked.
@@ -121,6 +122,7 @@ class RateReport:
     wish: Wish | None = None
     homing: bool = False
     at_home: bool = False
+    blocked: bool = False
     measured: RobotState | None = None
     reply: VelocityReply | None = None
     round_trip: float | None = None

@@ -97,7 +97,7 @@ class Service:
             raise self.fault
         return FkReply(**self.head(), left_wrist=np.eye(4), right_wrist=np.eye(4))
 
-    def solve(self, left, right, q, dq, **options) -> SolveReply:
+    def solve(self, left_wrist, right_wrist, q, dq, **options) -> SolveReply:
         zero = np.zeros(2)
         return SolveReply(**self.head(), sol_q=q, tau=self.tau, position_error=zero, rotation_error=zero)
 
