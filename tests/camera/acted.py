@@ -75,7 +75,7 @@ class Operator:
         self._landmarks = landmarks if self.body else None
         return replace(frame, colour=_BLACK)
 
-    def detect(self, _colour: np.ndarray, _t_capture: float) -> Landmarks | None:
+    def detect(self, colour: np.ndarray, t_capture: float) -> Landmarks | None:
         """What a pose model would find."""
         if self.broken:
             raise RuntimeError("the model\nis broken")

@@ -21,9 +21,10 @@ from ik_client.joint_limiter import MotionLimits
 
 FAR = 12.0
 """How far a limb of the robot may point from where the person's does [deg]."""
-ATTEMPTS = 3
-"""On a machine that is busy with other tests a frame may be late; the arms hold then, as they must."""
-SPEED = 0.8
+SPEEDS = (0.8, 0.6, 0.4)
+"""How fast the recording is played, one attempt after the other: on a machine that is busy with other tests frames are
+late, are guessed forward, and may be lost; the arms hold then, as they must."""
+FPS = 25.0
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +39,7 @@ def model() -> Path:
 @pytest.fixture(scope="module")
 def recording(scene: RenderedPerson, model: Path, tmp_path_factory) -> Path:
     """A T pose, both arms forward, the right arm up; the switch is pressed before."""
-    return film(tmp_path_factory.mktemp("film") / "quick.ikcam", scene, QUICK, lambda t: t >= PRESS, fps=25.0)
+    return film(tmp_path_factory.mktemp("film") / "quick.ikcam", scene, QUICK, lambda t: t >= PRESS, fps=FPS)
 
 
 def run(service: str, robot: str, recording: Path, folder: Path, *options: str) -> tuple[str, dict[str, Any]]:
@@ -51,11 +52,11 @@ def run(service: str, robot: str, recording: Path, folder: Path, *options: str) 
     return done.stdout, json.loads((folder / "camera.json").read_text())
 
 
-def seen_angles(watcher: Watcher, first: float) -> dict[str, np.ndarray]:
+def seen_angles(watcher: Watcher, first: float, speed: float) -> dict[str, np.ndarray]:
     """Angles between the limbs of robot and person while the person stood still, by posture, shape (2, 2) [deg]."""
     limbs, out = Limbs(), {}
     for posture, (begin, end) in STILL.items():
-        then = watcher.between(first + begin / SPEED, first + end / SPEED)
+        then = watcher.between(first + begin / speed, first + end / speed)
         assert len(then) > 5
         directions = np.median([limbs.directions(one) for one in then], axis=0)
         out[posture] = angles(directions, person_directions(QUICK, 0.5 * (begin + end)))
@@ -67,15 +68,16 @@ def test_the_robot_mirrors_a_person(recording, service_process, tmp_path):
     command = ("sim_client", "--listen", "127.0.0.1:0", "--headless", "--eyes-to", "off", "--report", written)
     with running(*command, log=tmp_path / "robot.log") as (process, ready):
         url = f"tcp://{ready['listen']}"
-        for _ in range(ATTEMPTS):
+        for speed in SPEEDS:
             with Watcher(url) as watcher:
-                said, report = run(service_process.tcp_url, url, recording, tmp_path, "--replay-speed", str(SPEED))
-            # Held until the recording ended, and not lost in between.
-            if said.count("arm: active") == 2:
+                said, report = run(service_process.tcp_url, url, recording, tmp_path, "--replay-speed", str(speed))
+            # Not lost in between, and nearly all frames were seen in time.
+            on_time = report["stages_ms"]["whole"]["p95"] < 80.0
+            if said.count("arm: active") == 2 and report["frames"]["seen"] > 0.95 * FPS * QUICK.duration and on_time:
                 break
         process.terminate()
         process.communicate(timeout=LIMIT)
-    found = seen_angles(watcher, report["frames"]["first"])
+    found = seen_angles(watcher, report["frames"]["first"], speed)
     for posture, far in found.items():
         assert far.max() <= FAR, (posture, found, said)
     assert report["frames"]["with_a_body"] == report["frames"]["seen"] > 100
