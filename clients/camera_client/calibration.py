@@ -20,6 +20,8 @@ from ik_proto import Array
 
 _UPPER, _FORE, _TORSO = (0.18, 0.42), (0.15, 0.36), (0.30, 0.70)
 """Lengths that people have: upper arm, forearm, from between the shoulders to between the hips [m]."""
+_FRONT = math.radians(15.0)
+"""How far an operator may seem to be turned [rad]."""
 _UNEQUAL = 0.12
 """Largest difference between left and right, over their mean."""
 _USER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
@@ -37,11 +39,13 @@ class Calibration:
         lengths: Of upper arm and forearm, left and right, shape (2, 2) [m].
         hips_below: From between the shoulders to between the hips, pelvis frame, shape (3,) [m].
         up_camera: Up, in the camera's optical frame, shape (3,).
+        front: How far the front of the trunk seems turned of an operator who faces the camera [rad], see `trunk_plane`.
     """
 
     lengths: Array
     hips_below: Array
     up_camera: Array
+    front: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse what nobody looks like.
@@ -53,6 +57,8 @@ class Calibration:
             values = getattr(self, name)
             if values.shape != shape or not np.isfinite(values).all():
                 raise CalibrationError(f"{name} are not {shape} finite numbers: calibrate again")
+        if not abs(self.front) <= _FRONT:
+            raise CalibrationError("you seem to be turned away: face the camera and hold a T pose again")
         if abs(math.hypot(*self.up_camera) - 1.0) > 1e-3:
             raise CalibrationError("up is no direction of length 1: calibrate again")
         for limb, name, (low, high) in ((0, "upper arm", _UPPER), (1, "forearm", _FORE)):
@@ -106,6 +112,7 @@ def save(calibration: Calibration, user: str, folder: Path) -> Path:
             "lengths": calibration.lengths.tolist(),
             "hips_below": calibration.hips_below.tolist(),
             "up_camera": calibration.up_camera.tolist(),
+            "front": calibration.front,
         },
         indent=2,
     )
@@ -128,6 +135,7 @@ def load(user: str, folder: Path) -> Calibration:
             np.array(content["lengths"], dtype=float),
             np.array(content["hips_below"], dtype=float),
             np.array(content["up_camera"], dtype=float),
+            float(content["front"]),
         )
     except FileNotFoundError:
         raise CalibrationError(f"no calibration of {user} in {folder}: run ik-camera calibrate --user {user}") from None

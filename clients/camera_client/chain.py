@@ -20,7 +20,7 @@ from camera_client.estimate import ArmsEstimate
 from camera_client.frame import RgbdFrame
 from camera_client.kalman import JointFilter, Mask
 from camera_client.landmarks import ARMS, HIPS, SHOULDERS, TRACKED, Landmarks
-from camera_client.lift import lift, surfaces
+from camera_client.lift import Surfaces, lift, surfaces
 from camera_client.operator_lock import OperatorLock
 from camera_client.rejoin import Rejoin
 from camera_client.torso import BodyFrame, Torso
@@ -31,6 +31,8 @@ _LOST = 0.3
 """Time without measurement after which a joint may be anywhere [s]."""
 _SURE, _UNSURE = 0.04, 0.12
 """Standard deviations of a wrist's position of full and of no confidence [m]."""
+_ACCELERATION = np.array([6.0, 12.0, 12.0, 6.0, 12.0, 12.0, 4.0, 4.0])
+"""Standard deviations of the joints' accelerations: a trunk is slower than a hand [m/s^2]."""
 _HANGING = np.array([0.0, 0.0, -1.0])
 """Where the limbs of an arm are that was never seen."""
 _NEVER = -math.inf
@@ -62,7 +64,7 @@ class Chain:
         self.lock = OperatorLock()
         self.latest: ArmsEstimate | None = None
         self._calibration = calibration
-        self._filter = JointFilter(len(TRACKED))
+        self._filter = JointFilter(len(TRACKED), _ACCELERATION)
         self._torso = Torso(calibration.level_rotation(), calibration.hips_below)
         self._basis = WristBasis()
         self._rejoin = Rejoin()
@@ -101,19 +103,19 @@ class Chain:
         self._monocular = frame.depth is None
         if not self.lock.admit(seen.place, self._time):
             return self._hold("somebody else is before the camera")
-        positions, sigma, measured = lift(seen, landmarks, self._filter, self._calibration)
+        positions, sigma, measured = lift(seen, landmarks, self._filter, self._calibration, self._torso.shoulders())
         self._measured[measured] = self._time
         self._filter.forget(self._time - self._measured > _LOST)
         lifted()
         anew = self._filter.update(positions, sigma, measured)
-        return self._show(seen.seen, anew, dt)
+        return self._show(seen, anew, dt)
 
-    def _show(self, seen: Mask, anew: Mask, dt: float) -> ArmsEstimate | None:
+    def _show(self, seen: Surfaces, anew: Mask, dt: float) -> ArmsEstimate | None:
         known = self._filter.known
         if not known[SHOULDERS].all():
             return self._hold("the shoulders are not seen")
-        body = self._torso.update(self._filter.position, known, dt)
-        tracked = np.asarray((seen & known)[ARMS].reshape(2, 3).all(axis=1))
+        body = self._torso.update(self._filter.position, known, dt, seen.sure, seen.front)
+        tracked = np.asarray((seen.seen & known)[ARMS].reshape(2, 3).all(axis=1))
         joints = body.points(self._filter.position[ARMS]).reshape(2, 3, 3)
         shoulders, limbs = joints[:, 0], unit(joints[:, 1:] - joints[:, :-1])
         if self._shown is not None:

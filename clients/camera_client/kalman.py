@@ -6,6 +6,8 @@ three numbers an axis, and everything is elementwise.
 - Time steps are those between captures. A lost frame is a longer step.
 - A measurement far outside what is expected is refused; after a few in a row the joint has really gone there, and the
   filter starts again from it.
+- A joint accelerates as much as its innovations say: as long as they keep their sign it is on its way, and where they
+  do not they are noise. So a hand that is held still is held still, and one that moves is followed at once.
 - A joint that is not measured slows down instead of flying on.
 """
 
@@ -21,6 +23,12 @@ GATE = 16.0
 PATIENCE = 6
 """Refusals in a row after which the measurement is believed."""
 
+CALM = 0.02
+"""Factor on the variance of the acceleration of a joint that is still."""
+_DRIFT_TAU = 0.10
+"""Time over which it is judged which of it is the case [s]."""
+_DRIFT = 0.5
+"""Mean innovation that counts as being on the way, in standard deviations of a measurement."""
 _COAST = 0.1
 """Time in which the speed of an unmeasured joint falls to 1/e [s]."""
 _START_SPEED = 1.0
@@ -36,12 +44,13 @@ class JointFilter:
         known: Which joints have been measured, shape (n,).
     """
 
-    def __init__(self, count: int, acceleration: float = 12.0) -> None:
+    def __init__(self, count: int, acceleration: float | Array = 12.0, calm: float = CALM) -> None:
         """Start knowing nothing.
 
         Args:
             count: How many joints.
-            acceleration: Standard deviation of an operator's acceleration [m/s^2].
+            acceleration: Standard deviation of a joint's acceleration, of all or of each, shape (n,) [m/s^2].
+            calm: Factor on its variance while a joint is still; 1 makes it a textbook's filter.
         """
         self.position = np.zeros((count, 3))
         self.velocity = np.zeros((count, 3))
@@ -49,7 +58,11 @@ class JointFilter:
         self._variance = np.ones((count, 3))
         self._cross = np.zeros((count, 3))
         self._speed_variance = np.ones((count, 3))
-        self._acceleration_variance = acceleration * acceleration
+        self._acceleration_variance = np.broadcast_to(acceleration, (count,))[:, None] ** 2
+        self._drift = np.zeros((count, 3))
+        self._agility = np.ones((count, 3))
+        self._calm = calm
+        self._dt = 0.0
         self._refused = np.zeros(count, dtype=int)
         self._missed: Mask = np.zeros(count, dtype=bool)
 
@@ -66,7 +79,8 @@ class JointFilter:
         """
         if self._missed.any():
             self.velocity[self._missed] *= np.exp(-dt / _COAST)
-        q = self._acceleration_variance * dt * dt
+        self._dt += dt
+        q = self._acceleration_variance * dt * dt * self._agility
         self.position += dt * self.velocity
         # P <- F P F' + Q with F = [[1, dt], [0, 1]] and Q that of an acceleration that is constant in a step.
         self._variance += dt * (2.0 * self._cross + dt * self._speed_variance) + 0.25 * q * dt * dt
@@ -92,6 +106,9 @@ class JointFilter:
         anew = seen & (~self.known | (self._refused > PATIENCE))
         good = seen & self.known & ~far
         self._missed = self.known & ~(good | anew)
+        self._drift += (seen & self.known)[:, None] * (1.0 - np.exp(-self._dt / _DRIFT_TAU)) * (y - self._drift)
+        self._dt = 0.0
+        self._agility = ((self._drift**2 / (_DRIFT**2 * r)) ** 2).clip(self._calm, 1.0)
         gain = np.where(good[:, None], self._variance / total, 0.0)
         speed_gain = np.where(good[:, None], self._cross / total, 0.0)
         self.position += gain * y
@@ -103,6 +120,7 @@ class JointFilter:
             self.position[anew], self.velocity[anew] = measured[anew], 0.0
             self._variance[anew], self._cross[anew] = r[anew], 0.0
             self._speed_variance[anew] = _START_SPEED**2
+            self._drift[anew], self._agility[anew] = 0.0, 1.0
             self._refused[anew] = 0
             self.known |= anew
         return anew

@@ -6,10 +6,12 @@ A surface that is far from where it is expected is none of the operator's, and o
 arm's.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from camera_client.arm_fit import ArmEvidence, fit_arms
 from camera_client.calibration import Calibration
 from camera_client.depth_patch import patch_depths
 from camera_client.frame import RgbdFrame
@@ -17,7 +19,8 @@ from camera_client.kalman import JointFilter, Mask
 from camera_client.landmarks import ARMS, HIPS, SHOULDERS, TRACKED, Landmarks
 from camera_client.limb_map import DepthEvidence, fit_depths
 from camera_client.monocular import MODEL_SIGMA, model_depths
-from camera_client.surface import OFFSETS, arm_offsets, covered, shoulder_shift
+from camera_client.surface import OFFSETS, arm_offsets, covered, shoulder_shift, shoulders_seen
+from camera_client.trunk_plane import trunk_turn
 from ik_proto import Array
 
 ACROSS_SIGMA = 0.012
@@ -26,7 +29,12 @@ DEPTH_SIGMA = 0.03
 """Standard deviation of a joint along it, after the limb lengths had their say [m]."""
 GUESSED_SIGMA = 0.06
 """The same where its depth was not measured."""
+TRUNK_SIGMA = 0.025
+"""Standard deviation of a shoulder by the rest of the trunk [m]."""
+PIXEL_SIGMA = np.array([0.012, 0.025, 0.015])
+"""How far landmarks of shoulder, elbow and wrist are off, as a standard deviation, shape (3,) [m]."""
 
+_LEAST_SURE = 0.2
 _WINDOW = np.array([0.25, 0.90, 0.90, 0.25, 0.90, 0.90, 0.35, 0.35])
 """How far from where it is expected the surface before a joint may be, shape (8,) [m]."""
 _REACH = (-0.95, 0.50)
@@ -47,6 +55,8 @@ class Surfaces:
         rays: Viewing rays through the joints with z = 1, shape (8, 3); without meaning where not seen.
         depth: Of the joints' centres, shape (8,) [m]; NaN where not measured.
         sigma: Their standard deviations, shape (8,) [m].
+        sure: How far the shoulders are seen, 0 to 1, shape (2,).
+        front: How far the front of the trunk is turned to the left [rad], see `trunk_plane`; NaN where not seen.
         along: Standard deviations of the depths after the limb lengths had their say, shape (8,) [m].
         place: Between the shoulders, at the depth of the body, optical frame, shape (3,) [m].
     """
@@ -55,6 +65,8 @@ class Surfaces:
     rays: Array
     depth: Array
     sigma: Array
+    sure: Array
+    front: float
     along: Array
     place: Array
 
@@ -83,10 +95,13 @@ def surfaces(frame: RgbdFrame, landmarks: Landmarks, joints: JointFilter, calibr
         if not np.isfinite(body).any():
             return None
         position = np.where(known[:, None], position, (0.0, 0.0, np.nanmedian(body)))
+    front = trunk_turn(frame.depth, pixels[_TRUNK], frame.intrinsics) - calibration.front
     pixels[SHOULDERS] += shoulder_shift(calibration.up_camera, position[SHOULDERS, 2].mean(), frame.intrinsics)
     offsets = OFFSETS.copy()
     arms = position[ARMS].reshape(2, 3, 3)
+    sure = np.ones(2)
     if known[ARMS].all():
+        sure = shoulders_seen(arms)
         offsets[ARMS] = arm_offsets(arms).ravel()
     patches = patch_depths(frame.depth, pixels, position[:, 2] - offsets)
     depth = patches.depth + offsets
@@ -102,8 +117,9 @@ def surfaces(frame: RgbdFrame, landmarks: Landmarks, joints: JointFilter, calibr
         depth[ARMS] = np.where(covered(arms, depth[ARMS].reshape(2, 3)).ravel(), np.nan, depth[ARMS])
     rays = frame.intrinsics.rays(np.where(seen[:, None], pixels, 0.0))
     sigma = np.maximum(patches.sigma, DEPTH_SIGMA) / np.clip(1.5 * patches.share, 0.3, 1.0)
+    sigma[SHOULDERS] /= np.maximum(sure, _LEAST_SURE)
     along = np.where(np.isfinite(depth), DEPTH_SIGMA, GUESSED_SIGMA)
-    return Surfaces(seen, rays, depth, sigma, along, rays[SHOULDERS].mean(axis=0) * torso)
+    return Surfaces(seen, rays, depth, sigma, sure, front, along, rays[SHOULDERS].mean(axis=0) * torso)
 
 
 def _guessed(frame: RgbdFrame, landmarks: Landmarks, seen: Mask, calibration: Calibration) -> Surfaces | None:
@@ -116,11 +132,15 @@ def _guessed(frame: RgbdFrame, landmarks: Landmarks, seen: Mask, calibration: Ca
     pixels[SHOULDERS] += shoulder_shift(calibration.up_camera, torso, frame.intrinsics)
     rays = frame.intrinsics.rays(pixels)
     sigma = np.full(len(TRACKED), MODEL_SIGMA)
-    return Surfaces(seen, rays, depth, sigma, sigma, rays[SHOULDERS].mean(axis=0) * torso)
+    return Surfaces(seen, rays, depth, sigma, np.ones(2), math.nan, sigma, rays[SHOULDERS].mean(axis=0) * torso)
 
 
 def lift(
-    seen: Surfaces, landmarks: Landmarks, joints: JointFilter, calibration: Calibration
+    seen: Surfaces,
+    landmarks: Landmarks,
+    joints: JointFilter,
+    calibration: Calibration,
+    shoulders: Array | None = None,
 ) -> tuple[Array, Array, Mask]:
     """Place the joints on their rays.
 
@@ -129,6 +149,8 @@ def lift(
         landmarks: What the pose model found.
         joints: Where the last frames expect the joints.
         calibration: The operator.
+        shoulders: Where the rest of the trunk has its shoulders, optical frame, shape (2, 3) [m]; None where it does
+            not tell.
 
     Returns:
         Positions, optical frame, shape (8, 3) [m]; their standard deviations along the axes, shape (8, 3) [m]; and
@@ -136,6 +158,9 @@ def lift(
     """
     expected = np.where(joints.known, joints.position[:, 2], seen.place[2])
     expected_sigma = np.where(joints.known, np.minimum(joints.sigma[:, 2], _FIRST_SIGMA) + _SLACK, _FIRST_SIGMA)
+    if shoulders is not None:
+        expected[SHOULDERS], expected_sigma[SHOULDERS] = shoulders[:, 2], TRUNK_SIGMA
+    relative = relative_depths(landmarks, calibration)
     fitted, _ = fit_depths(
         DepthEvidence(
             rays=seen.rays[ARMS].reshape(2, 3, 3),
@@ -144,17 +169,34 @@ def lift(
             prior=expected[ARMS].reshape(2, 3),
             prior_sigma=expected_sigma[ARMS].reshape(2, 3),
             lengths=calibration.lengths,
-            relative=relative_depths(landmarks, calibration),
+            relative=relative,
         )
     )
-    # A whole arm has the depths that fit its limbs; of a part of one only what was measured counts.
+    rays = seen.rays[ARMS].reshape(2, 3, 3)
+    across = np.tile(PIXEL_SIGMA, (2, 1))
+    across[:, 0] /= np.maximum(seen.sure, _LEAST_SURE)
+    told = np.full((2, 3), np.nan) if shoulders is None else shoulders
+    arms = fit_arms(
+        ArmEvidence(
+            rays=rays,
+            across=across,
+            measured=seen.depth[ARMS].reshape(2, 3),
+            sigma=seen.sigma[ARMS].reshape(2, 3),
+            trunk=told,
+            trunk_sigma=np.full(2, TRUNK_SIGMA),
+            lengths=calibration.lengths,
+            relative=relative,
+        ),
+        fitted[..., None] * rays,
+    )
+    # A whole arm has the places that fit its limbs; of a part of one only what was measured counts.
     whole = np.repeat(seen.seen[ARMS].reshape(2, 3).all(axis=1), 3)
-    depth = seen.depth.copy()
-    depth[ARMS] = np.where(whole, fitted.ravel(), depth[ARMS])
-    usable = seen.seen & np.isfinite(depth)
+    usable = seen.seen & (np.isfinite(seen.depth) | np.concatenate([whole, [False, False]]))
+    places = np.where(usable, seen.depth, 0.0)[:, None] * seen.rays
+    places[ARMS] = np.where(whole[:, None], arms.reshape(6, 3), places[ARMS])
     sigma = np.full((len(TRACKED), 3), ACROSS_SIGMA)
     sigma[:, 2] = seen.along
-    return np.where(usable, depth, 0.0)[:, None] * seen.rays, sigma, usable
+    return places, sigma, usable
 
 
 def relative_depths(landmarks: Landmarks, calibration: Calibration) -> Array:

@@ -19,7 +19,7 @@ from ik_proto import Array
 
 LENGTH_SIGMA = 0.05
 """How well a limb between two pixels has its length: a model's pixels are off by more than a tape measure is [m]."""
-RELATIVE_SIGMA = 0.10
+RELATIVE_SIGMA = 0.15
 """How well a pose model knows how much deeper one joint is than another [m]."""
 
 _CAUCHY = 4.0

@@ -82,7 +82,9 @@ class OakSource:
         try:
             frame = link.frames.next(timeout)
         except OakLost as lost:
-            self._lose(link, str(lost))
+            # It may have been closed by another thread meanwhile.
+            if not self.finished:
+                self._lose(link, str(lost))
             return None
         if frame is not None:
             self._age, self._heard, self.fault = link.frames.age, self._clock(), ""

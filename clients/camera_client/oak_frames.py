@@ -72,9 +72,9 @@ class OakFrames:
             OakLost: The queue was closed, or a pair of it is no frame.
         """
         deadline = self._clock() + timeout
-        while (left := deadline - self._clock()) >= 0.0:
+        while True:
             try:
-                pair = self._queue.get(timedelta(seconds=left))
+                pair = self._queue.get(timedelta(seconds=max(0.0, deadline - self._clock())))
             except dai.MessageQueue.QueueException:
                 raise OakLost("the link to it is closed") from None
             if pair is None:
@@ -84,13 +84,13 @@ class OakFrames:
                 self._last = frame.t_capture
                 self.age = self._clock() - frame.t_capture
                 return frame
-        return None
 
     def _frame(self, pair: Any) -> RgbdFrame:
         colour, depth = pair[COLOUR], pair[DEPTH]
         # The middle of the exposure, where the camera says how long it was, on DepthAI's clock of the host.
         taken = colour.getTimestamp(dai.CameraExposureOffset.MIDDLE)
-        t_capture = self._clock() - (dai.Clock.now() - taken).total_seconds()
+        age = (dai.Clock.now() - taken).total_seconds()
+        t_capture = self._clock() - age
         lens = colour.getTransformation()
         if not lens.isValid():
             raise OakLost("its calibration cannot be read")

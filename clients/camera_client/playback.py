@@ -89,14 +89,17 @@ class Playback:
                 return None
             self._sleep(min(due, deadline) - now)
             now = self._clock()
+        if self.finished:
+            return None  # Another thread has closed it meanwhile.
         # Times may differ from those compared above by rounding, so it is at least the one that is due.
         number = max(self._next, bisect.bisect_right(self._times, now - self._begin) - 1)
         t_capture = self._begin + self._times[number]
         try:
             frame = self.recording.frame(number, t_capture)
         except RecordingError as error:
-            self.fault = str(error)
-            self.close()
+            if not self.finished:
+                self.fault = str(error)
+                self.close()
             return None
         self._next = number + 1
         self.held = self.recording.entries[number].held

@@ -154,7 +154,10 @@ class Recording:
         self._file.close()
 
     def _read(self, begin: int, size: int) -> bytes:
-        return os.pread(self._file.fileno(), size, begin)
+        try:
+            return os.pread(self._file.fileno(), size, begin)
+        except ValueError:
+            raise RecordingError(f"{self.path} is closed") from None
 
     def _scan(self) -> tuple[Meta, list[Entry]]:
         files = read_files(self._file.fileno(), _largest)
@@ -180,7 +183,7 @@ class Recording:
             number, _, kind = name.partition(".")
             of_frame = number.isascii() and number.isdecimal() and (not found or int(number) == sequence)
             if kind != wanted[len(found)] or not of_frame:
-                raise RecordingError(f"{name} of {self.path} is not what a recording has at this place")
+                raise RecordingError(f"{name!r} of {self.path} is not what a recording has at this place")
             sequence, found[kind] = int(number), (begin, size)
             if kind == LINE:
                 entries.append(self._entry(sequence, found, entries[-1] if entries else None))

@@ -22,9 +22,14 @@ HAND = 0.08
 """How far a hand is before the surface of its wrist when it points at the camera [m]."""
 SHOULDER_DROP = 0.025
 """How far the joint of a shoulder is below its landmark [m]."""
+LEAN = 0.037
+"""How far the middle between the shoulders is before the one between the hips, over the length of the trunk, of a
+person who stands upright. People differ by some degrees, and it is not told from the camera's tilt."""
 
 _POINTING = (0.85, 0.97)
 """Cosine between forearm and viewing ray from which on the hand begins to cover the wrist, and covers it."""
+_BEFORE_SHOULDER = (0.70, 0.90)
+"""Cosine between upper arm and viewing ray from which on the arm begins to cover its shoulder, and covers it."""
 _COVERED = 0.06
 """Joints of an arm that are less than this apart across the viewing ray cover each other [m]."""
 
@@ -54,6 +59,13 @@ def arm_offsets(arms: Array) -> Array:
     pointing = -(fore * unit(arms[:, 2])).sum(axis=-1)
     offsets[:, 2] += HAND * ((pointing - _POINTING[0]) / (_POINTING[1] - _POINTING[0])).clip(0.0, 1.0)
     return offsets
+
+
+def shoulders_seen(arms: Array) -> Array:
+    """How far shoulders are seen and not their own arm before them, 0 to 1, shape (2,), of arms as in `arm_offsets`."""
+    upper = unit(arms[:, 1] - arms[:, 0])
+    pointing = -(upper * unit(arms[:, 0])).sum(axis=-1)
+    return ((_BEFORE_SHOULDER[1] - pointing) / (_BEFORE_SHOULDER[1] - _BEFORE_SHOULDER[0])).clip(0.0, 1.0)
 
 
 def covered(arms: Array, depth: Array) -> NDArray[np.bool_]:

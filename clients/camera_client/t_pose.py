@@ -13,8 +13,9 @@ from camera_client.calibration import Calibration, CalibrationError
 from camera_client.depth_patch import patch_depths
 from camera_client.frame import RgbdFrame
 from camera_client.landmarks import ARMS, HIPS, SHOULDERS, TRACKED, Landmarks
-from camera_client.surface import OFFSETS, shoulder_shift
+from camera_client.surface import LEAN, OFFSETS, shoulder_shift
 from camera_client.torso import facing_yaw, level_rotation
+from camera_client.trunk_plane import trunk_turn
 from camera_client.vectors import length, unit
 from ik_proto import Array
 
@@ -29,6 +30,8 @@ _STEADY = 0.04
 """How far a joint may move about its median, rms [m]."""
 _UP_CAMERA = np.array([0.0, -1.0, 0.0])
 """Up before the tilt is known; good enough for a shift of a few pixels."""
+_BACK = np.array([0.0, 0.0, 1.0])
+"""The operator's backward, who faces the camera."""
 
 
 class TPose:
@@ -43,6 +46,7 @@ class TPose:
         """Start without frames."""
         self.fault = ""
         self._joints: list[Array] = []
+        self._fronts: list[float] = []
 
     @property
     def good(self) -> int:
@@ -53,7 +57,11 @@ class TPose:
         """Take a frame and say whether it counts."""
         joints, self.fault = _joints_of(frame, landmarks)
         if joints is not None:
+            assert landmarks is not None
+            assert frame.depth is not None
+            corners = landmarks.pixels[TRACKED][[*SHOULDERS, *HIPS]]
             self._joints.append(joints)
+            self._fronts.append(trunk_turn(frame.depth, corners, frame.intrinsics))
         return joints is not None
 
     def finish(self) -> Calibration:
@@ -74,12 +82,16 @@ class TPose:
         arms = joints[ARMS].reshape(2, 3, 3)
         lengths = length(arms[:, 1:] - arms[:, :-1])
         shoulders, hips = joints[SHOULDERS].mean(axis=0), joints[HIPS].mean(axis=0)
-        up = unit(shoulders - hips)
+        trunk = shoulders - hips
+        up = unit(trunk + LEAN * length(trunk) * _BACK)
         R = level_rotation(up)
-        yaw = facing_yaw(joints @ R.T)
+        sides = joints[[SHOULDERS[0], HIPS[0]]] - joints[[SHOULDERS[1], HIPS[1]]]
+        yaw = facing_yaw(R @ sides.sum(axis=0))
         c, s = math.cos(yaw), math.sin(yaw)
         below = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ R @ (hips - shoulders)
-        fitted = Calibration(lengths, below, up)
+        fronts = np.array(self._fronts)
+        fronts = fronts[np.isfinite(fronts)]
+        fitted = Calibration(lengths, below, up, float(fronts.mean()) if len(fronts) else 0.0)
         # Arms are alike to a percent; what differs within the bound is the measurement.
         return replace(fitted, lengths=np.tile(lengths.mean(axis=0), (2, 1)))
 

@@ -15,14 +15,14 @@ import numpy as np
 from camera_client.vectors import cross, dot, length, transport, unit
 from ik_proto import Array
 
-STRAIGHT = 0.14
+STRAIGHT = 0.12
 """Sine of the flexion below which nothing is measured."""
-BENT = 0.40
+BENT = 0.34
 """Sine of the flexion above which the measurement counts in full."""
 
 _TAU = 0.03
 """Time in which the measured axis is followed [s]."""
-_RATE = 9.0
+RATE = 10.0
 """Fastest turn about the forearm [rad/s]."""
 
 
@@ -62,7 +62,7 @@ class WristBasis:
         angle = np.arctan2(dot(cross(carried, seen), f), dot(carried, seen))
         weight = flexion_weight(u, f) * confidence
         if self._begun:
-            angle = (weight * (1.0 - np.exp(-dt / _TAU)) * angle).clip(-_RATE * dt, _RATE * dt)
+            angle = (weight * (1.0 - np.exp(-dt / _TAU)) * angle).clip(-RATE * dt, RATE * dt)
         else:
             angle = weight * angle
             self._begun = True

@@ -39,7 +39,7 @@ def fetch_package(name: str, version: str, members: Sequence[str]) -> dict[str, 
     with tempfile.TemporaryDirectory() as folder:
         try:
             subprocess.run(
-                [npm, "pack", "--silent", f"{name}@{version}"],
+                [npm, "pack", "--silent", f"{name}@{version}", "--ignore-scripts"],
                 cwd=folder,
                 check=True,
                 capture_output=True,

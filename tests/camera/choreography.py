@@ -1,6 +1,7 @@
 """What the rendered person does: postures in time, in the robot's pelvis axes.
 
-A posture is the directions of an arm's upper arm and forearm, for the left arm; the right one mirrors it.
+A posture is the directions of an arm's upper arm and forearm, for the left arm; the right one mirrors it. It goes by
+its name or as it is.
 """
 
 from collections.abc import Sequence
@@ -9,7 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from skinned_person import Array, rotation_about
 
-POSTURES = {
+Posture = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+POSTURES: dict[str, Posture] = {
     "hang": ((-0.02, 0.15, -1.0), (0.12, 0.12, -1.0)),
     "T": ((0.0, 1.0, 0.02), (0.05, 1.0, 0.02)),
     "goal": ((0.05, 1.0, 0.0), (0.05, 0.05, 1.0)),
@@ -24,7 +27,6 @@ POSTURES = {
 """Left arm: upper arm, forearm. In "occluded" the hand is before the elbow."""
 
 _MIRROR = np.array([1.0, -1.0, 1.0])
-_WAVE = 1.2
 _WAVE_ANGLE = np.radians(45.0)
 
 
@@ -34,13 +36,19 @@ class Choreography:
 
     Attributes:
         keys: Time [s] and posture of the left and the right arm; in between they change smoothly.
-        wave: Begin and end of a wave of the right forearm, 1.2 Hz and 45 degrees to either side [s].
-        turn: Begin and end of a turn of the body, 25 degrees to either side in 3 s [s].
+        wave: Begin and end of a wave of the right forearm, 45 degrees to either side [s].
+        turn: Begin and end of a turn of the body to either side [s].
+        t_pose: Begin and end of the T pose on which an operator is calibrated [s].
+        wave_rate: Of the wave [Hz].
+        turn_angle: To either side [rad].
     """
 
-    keys: Sequence[tuple[float, str, str]]
-    wave: tuple[float, float]
-    turn: tuple[float, float]
+    keys: Sequence[tuple[float, str | Posture, str | Posture]]
+    wave: tuple[float, float] = (0.0, 0.0)
+    turn: tuple[float, float] = (0.0, 0.0)
+    t_pose: tuple[float, float] = (0.0, 0.0)
+    wave_rate: float = 1.2
+    turn_angle: float = float(np.radians(25.0))
 
     @property
     def duration(self) -> float:
@@ -56,17 +64,23 @@ class Choreography:
         arms = np.empty((2, 2, 3))
         for arm in range(2):
             for limb in range(2):
-                a, b = (np.array(POSTURES[name[arm]][limb]) for name in (before, after))
+                a, b = (np.array(_posture(names[arm])[limb]) for names in (before, after))
                 arms[arm, limb] = _between(a / np.linalg.norm(a), b / np.linalg.norm(b), s)
         arms[1] *= _MIRROR
         begin, end = self.wave
         if begin <= t < end:
             grown = min(1.0, (t - begin) / 0.3, (end - t) / 0.3)
-            angle = _WAVE_ANGLE * grown * np.sin(2.0 * np.pi * _WAVE * (t - begin))
+            angle = _WAVE_ANGLE * grown * np.sin(2.0 * np.pi * self.wave_rate * (t - begin))
             arms[1, 1] = rotation_about(np.array([1.0, 0.0, 0.0]), angle) @ arms[1, 1]
         begin, end = self.turn
-        yaw = np.radians(25.0) * np.sin(2.0 * np.pi * (t - begin) / 3.0) if begin <= t <= end else 0.0
+        yaw = 0.0
+        if begin < end and begin <= t <= end:
+            yaw = self.turn_angle * np.sin(2.0 * np.pi * (t - begin) / (end - begin))
         return arms[:, 0], arms[:, 1], yaw, np.array([0.0, 0.02 * np.sin(2.0 * np.pi * 0.25 * t), 0.0])
+
+
+def _posture(posture: str | Posture) -> Posture:
+    return POSTURES[posture] if isinstance(posture, str) else posture
 
 
 def _between(a: Array, b: Array, s: float) -> Array:
@@ -103,6 +117,7 @@ FULL = Choreography(
     ),
     wave=(16.5, 20.5),
     turn=(22.0, 25.0),
+    t_pose=(3.1, 4.2),
 )
 """27 s: hanging, T, goalpost, forearms at the camera, elbows hidden by hands, reach, across the chest, wave, turn."""
 

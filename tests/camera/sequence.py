@@ -1,8 +1,8 @@
 """Runs chains on a rendered, noisy sequence of a person whose joints are known."""
 
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,8 @@ PARTS = ("pixels", "visibility", "world")
 """What is recorded of the tracked landmarks: 1/32 pixel, 1/255, millimetres."""
 _MARGIN = 45
 """Pixels around the joints that depth is needed of."""
+_NO_COLOUR = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+"""The picture of a webcam, whose landmarks are at hand."""
 
 
 @dataclass(frozen=True)
@@ -89,24 +91,43 @@ def moments(scene: RenderedPerson, dance: Choreography, fps: float = FPS) -> Ite
 
 def moment(scene: RenderedPerson, dance: Choreography, t: float) -> Moment:
     """Render one moment of it."""
-    u, f, yaw, sway = dance.at(t)
-    root = np.array([0.0, 0.0, scene.person.height]) + sway
-    R, p = scene.person.pose(u, f, yaw, root)
-    _, depth = scene.render(R, p)
+    return moment_with_colour(scene, dance, t)[0]
+
+
+def moment_with_colour(scene: RenderedPerson, dance: Choreography, t: float) -> tuple[Moment, NDArray[np.uint8]]:
+    """The same, and its picture."""
+    R, p, yaw = _pose(scene, dance, t)
+    colour, depth = scene.render(R, p)
     joints = scene.person.joints(p)
     upright = rotation_about(np.array([0.0, 0.0, 1.0]), yaw)
     in_pelvis = (joints[:6] - joints[HIPS].mean(axis=0)) @ upright
-    return Moment(t, depth, scene.in_camera(joints), in_pelvis.reshape(2, 3, 3))
+    return Moment(t, depth, scene.in_camera(joints), in_pelvis.reshape(2, 3, 3)), colour
+
+
+def pixels_at(scene: RenderedPerson, dance: Choreography, t: float) -> Array:
+    """Pixels of the true joints, shape (8, 2)."""
+    _, p, _ = _pose(scene, dance, t)
+    return INTRINSICS.project(scene.in_camera(scene.person.joints(p)))
+
+
+def _pose(scene: RenderedPerson, dance: Choreography, t: float) -> tuple[Array, Array, float]:
+    u, f, yaw, sway = dance.at(t)
+    R, p = scene.person.pose(u, f, yaw, np.array([0.0, 0.0, scene.person.height]) + sway)
+    return R, p, yaw
 
 
 def calibrated(scene: RenderedPerson, observer: Observer, frames: int = 45) -> Calibration:
     """Calibrate on a T pose, as an operator would."""
+    if observer.recorded is not None:
+        begin, end = (round(t * FPS) for t in FULL.t_pose)
+        return fitted((moment(scene, FULL, k / FPS) for k in range(begin, end)), observer)
+    exact = moment(scene, Choreography(((0.0, "T", "T"), (1.0, "T", "T"))), 0.0)
+    return fitted((replace(exact, t=k / FPS) for k in range(frames)), observer)
+
+
+def fitted(stills: Iterable[Moment], observer: Observer) -> Calibration:
+    """Calibrate on these moments."""
     pose = TPose()
-    if observer.recorded is None:
-        exact = moment(scene, Choreography(((0.0, "T", "T"), (1.0, "T", "T")), (0.0, 0.0), (0.0, 0.0)), 0.0)
-        stills = [replace(exact, t=k / FPS) for k in range(frames)]
-    else:
-        stills = [moment(scene, FULL, k / FPS) for k in range(93, 126)]
     for still in stills:
         pose.add(*observer.look(still))
     observer.last = 0.0
@@ -132,19 +153,21 @@ def recorded(name: str) -> list[Landmarks]:
 
 @dataclass
 class Run:
-    """Both chains on the same frames.
+    """Chains on the same frames.
 
     Attributes:
         ours: Of `camera_client`.
-        thesis: Of the published chain.
-        seconds: How long `Chain.update` took [s].
+        webcam: The same without depth, for an operator who is calibrated.
+        thesis: The published chain.
+        seconds: How long `Chain.update` took with depth [s].
         estimates: What it gave.
     """
 
-    ours: Track
-    thesis: Track
-    seconds: list[float]
-    estimates: list[ArmsEstimate]
+    ours: Track = field(default_factory=Track)
+    webcam: Track = field(default_factory=Track)
+    thesis: Track = field(default_factory=Track)
+    seconds: list[float] = field(default_factory=list)
+    estimates: list[ArmsEstimate] = field(default_factory=list)
 
 
 def run(
@@ -154,11 +177,21 @@ def run(
     hidden: Callable[[float], tuple[int, ...]] = lambda t: (),
 ) -> list[Run]:
     """Show a choreography to observers, who share the rendering but not the noise."""
-    chains = [Chain(calibrated(scene, observer)) for observer in observers]
-    theses = [ThesisChain() for _ in observers]
-    runs = [Run(Track(), Track(), [], []) for _ in observers]
-    for now in moments(scene, dance):
-        for observer, chain, thesis, out in zip(observers, chains, theses, runs, strict=True):
+    calibrations = [calibrated(scene, observer) for observer in observers]
+    return follow(moments(scene, dance), observers, calibrations, hidden)
+
+
+def follow(
+    shown: Iterable[Moment],
+    observers: list[Observer],
+    calibrations: list[Calibration],
+    hidden: Callable[[float], tuple[int, ...]] = lambda t: (),
+) -> list[Run]:
+    """Show moments to calibrated observers."""
+    chains = [(Chain(calibration), Chain(calibration), ThesisChain()) for calibration in calibrations]
+    runs = [Run() for _ in observers]
+    for now in shown:
+        for observer, (chain, webcam, thesis), out in zip(observers, chains, runs, strict=True):
             frame, landmarks = observer.look(now, hidden(now.t))
             began = time.perf_counter()
             estimate = chain.update(frame, landmarks)
@@ -167,4 +200,7 @@ def run(
             out.estimates.append(estimate)
             out.ours.add(now.t, now.in_pelvis, estimate.joints, estimate.R_pelvis_wrist)
             out.thesis.add(now.t, now.in_pelvis, *thesis.update(frame, landmarks))
+            blind = webcam.update(replace(frame, depth=None, colour=_NO_COLOUR), landmarks)
+            if blind is not None:
+                out.webcam.add(now.t, now.in_pelvis, blind.joints, blind.R_pelvis_wrist)
     return runs

@@ -35,7 +35,7 @@ def test_positions_are_the_textbooks(seed):
     dts = rng.uniform(0.01, 0.1, 30)
     z = np.cumsum(0.005 * rng.standard_normal((31, 3)), axis=0)
     sigma = rng.uniform(0.01, 0.05, 3)
-    f = JointFilter(1)
+    f = JointFilter(1, calm=1.0)
     f.update(z[:1], sigma[None], ONE)
     got = [f.position[0].copy()]
     for measured, dt in zip(z[1:], dts, strict=True):
@@ -43,6 +43,23 @@ def test_positions_are_the_textbooks(seed):
         f.update(measured[None], sigma[None], ONE)
         got.append(f.position[0].copy())
     assert np.allclose(got, textbook(z, dts, sigma, 12.0), atol=1e-12)
+
+
+def test_a_joint_at_rest_is_quieter_than_the_textbooks_and_leaves_at_once():
+    rng = np.random.default_rng(0)
+    # From frame to frame a landmark moves by less than it is off.
+    z = 0.01 * rng.standard_normal((300, 1, 3))
+    z[200:] += 1.5 * np.arange(100)[:, None, None] / 30.0
+    calm, textbooks = JointFilter(1), JointFilter(1, calm=1.0)
+    shown = np.empty((2, 300, 3))
+    for k, measured in enumerate(z):
+        for n, f in enumerate((calm, textbooks)):
+            f.predict(1.0 / 30.0 if k else 0.0)
+            f.update(measured, SIGMA, ONE)
+            shown[n, k] = f.position[0]
+    assert shown[0, 30:200].std() < 0.7 * shown[1, 30:200].std()
+    late = np.abs(shown - shown[:, 199:200] - 1.5 * np.arange(-200, 100)[:, None] / 30.0)[:, 215:].mean(axis=(1, 2))
+    assert late[0] < late[1] + 0.01
 
 
 @pytest.mark.parametrize("fps", [15.0, 30.0])

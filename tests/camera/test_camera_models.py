@@ -166,12 +166,13 @@ def test_a_damaged_archive_never_surprises(tmp_path_factory, damage):
         assert "\n" not in str(error)
 
 
-def test_the_real_models_say_how_to_scale_colours_and_are_otherwise_as_published(npm, tmp_path):
-    """Read back by the schemas that MediaPipe reads with."""
+def test_the_real_models_say_how_to_scale_colours_and_are_otherwise_as_published(npm, tmp_path, monkeypatch):
+    """Read back by the schemas that MediaPipe reads with; really fetched, once."""
     tflite = mediapipe("mediapipe.tasks.metadata.schema_py_generated")
     metadata = mediapipe("mediapipe.tasks.metadata.metadata_schema_py_generated")
     members = [models._DETECTOR, models._LANDMARKS["lite"]]
     published = fetch_package(models.PACKAGE, models.VERSION, members)
+    monkeypatch.setattr(models, "fetch_package", lambda *asked: published)
     file = ensure_model("lite", tmp_path)
     with zipfile.ZipFile(file) as archive:
         for member, part, scale in zip(members, PARTS, ((127.5, 127.5), (0.0, 255.0)), strict=True):

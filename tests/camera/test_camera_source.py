@@ -163,6 +163,28 @@ def test_a_closed_recording_is_over(take):
     assert source.next(1.0) is None
 
 
+def test_closing_a_recording_while_somebody_waits_is_no_fault(take):
+    clock = Clock()
+    source = Playback(Recording(take), 1.0, clock)
+
+    def sleep(seconds: float) -> None:
+        source.close()
+        clock.sleep(seconds)
+
+    source._sleep = sleep
+    assert source.next(1.0) is not None
+    assert source.next(1.0) is None
+    assert source.finished
+    assert source.fault == ""
+
+
+def test_a_closed_file_gives_no_frame(take):
+    recording = Recording(take)
+    recording.close()
+    with pytest.raises(SourceError, match="is closed"):
+        recording.frame(0)
+
+
 def test_a_recording_is_opened_by_its_path(take):
     source: FrameSource = open_source(str(take), speed=100.0)
     assert source.has_depth

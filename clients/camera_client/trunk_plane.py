@@ -1,0 +1,64 @@
+"""How far the front of the trunk is turned, from the depths between shoulders and hips.
+
+Some hundred pixels say more than four joints, of which an arm may hide one. A plane is fitted to them; what is in front
+of it, an arm, does not count. The front of a trunk is round, so the plane turns less than the body, and a body that is
+not seen quite in the middle seems a little turned: `torso` knows how much, and the calibration what it is of an
+operator who faces the camera.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camera_client.frame import Intrinsics
+from ik_proto import Array
+
+_ACROSS, _DOWN = np.linspace(0.1, 0.9, 12), np.linspace(0.08, 0.95, 14)
+"""Where depths are read, from right to left and from the shoulders to the hips."""
+_SHARES = np.stack(np.meshgrid(_ACROSS, _DOWN), axis=-1).reshape(-1, 2)
+_LEAST = 40
+"""Depths that a plane needs."""
+_BEFORE = 0.06
+"""What is further in front of the plane than this is an arm [m]."""
+_SCALES = (0.15, 0.075, 0.04, 0.04)
+"""Where a depth counts half, from one iteration to the next [m]."""
+_NEAREST = 300
+"""Depths below this are no measurement [mm]."""
+
+
+def trunk_turn(depth: NDArray[np.uint16], corners: Array, intrinsics: Intrinsics) -> float:
+    """Angle about the picture's vertical by which the front of the trunk is turned to its left [rad].
+
+    Args:
+        depth: The depth picture, shape (height, width) [mm]; 0 where unknown.
+        corners: Pixels of left shoulder, right shoulder, left hip and right hip, shape (4, 2); NaN where not seen.
+        intrinsics: Of the picture.
+
+    Returns:
+        The angle; NaN where there is too little to tell it from.
+    """
+    if not np.isfinite(corners).all():
+        return math.nan
+    across, down = _SHARES[:, :1], _SHARES[:, 1:]
+    top = corners[1] + across * (corners[0] - corners[1])
+    pixels = np.rint(top + down * (corners[3] + across * (corners[2] - corners[3]) - top)).astype(np.intp)
+    height, width = depth.shape
+    column, row = pixels[:, 0].clip(0, width - 1), pixels[:, 1].clip(0, height - 1)
+    z = depth[row, column]
+    valid = z >= _NEAREST
+    if valid.sum() < _LEAST:
+        return math.nan
+    z, column, down = z[valid] * 1e-3, column[valid], down[valid, 0]
+    middle = float(np.median(z))
+    D = np.empty((len(z), 3))
+    D[:, 0], D[:, 2] = 1.0, down - 0.5
+    D[:, 1] = (column - column.mean()) / intrinsics.fx * middle
+    plane = np.array([middle, 0.0, 0.0])
+    for scale in _SCALES:
+        off = z - D @ plane
+        weight = np.where(off < -max(_BEFORE, scale), 0.0, 1.0 / (1.0 + (off / scale) ** 2))
+        A = D.T @ (weight[:, None] * D)
+        A[range(3), range(3)] += 1e-9
+        plane = np.linalg.solve(A, D.T @ (weight * z))
+    return math.atan(plane[1]) if weight.sum() > 0.5 * _LEAST else math.nan
