@@ -13,20 +13,21 @@ from skinned_person import Array
 from ik_client.robot_end import RobotLink, RobotSilent
 from ik_proto.robots import RobotDescription, load_description
 
+REACH = ((1.0, 0.15, -0.4), (1.0, 0.1, -0.25))
+"""Forward and a little down, as to a table. Of an arm that points straight at the camera a pose model sees little:
+there the upper arm is up to 18 degrees off."""
 QUICK = Choreography(
     keys=(
         (0.0, "hang", "hang"),
         (2.4, "hang", "hang"),
         (3.2, "T", "T"),
         (4.8, "T", "T"),
-        (5.6, "reach", "reach"),
-        (7.2, "reach", "reach"),
+        (5.6, REACH, REACH),
+        (7.2, REACH, REACH),
         (8.0, "hang", "raised"),
         (9.6, "hang", "raised"),
         (9.8, "hang", "raised"),
     ),
-    wave=(0.0, 0.0),
-    turn=(0.0, 0.0),
 )
 """A T pose, both arms forward, the right arm up, after a while in which the arms come to the operator's."""
 STILL = {"T": (4.1, 4.8), "reach": (6.5, 7.2), "raised": (8.9, 9.6)}
