@@ -3,7 +3,8 @@
     patches ─> depths on rays ─> Kalman filter ─> pelvis frame ─> limbs ─> rejoin ─> wrist orientation
 
 - A frame without a credible body, or with somebody else's, moves nothing: both arms are held.
-- An arm of which a joint is out of view is held where it was. It comes back without a jump, see `rejoin`.
+- An arm of which a joint is out of view, or that depth says is behind something, is held where it was. It comes back
+  without a jump, see `rejoin`.
 - A frame without depth is lifted by the pose model's own guess of the body, see `monocular`; the estimate says so.
 - Frames come in the order of their capture; one that does not is refused.
 """
@@ -29,6 +30,10 @@ from camera_client.wrist_basis import WristBasis, flexion_weight
 
 _LOST = 0.3
 """Time without measurement after which a joint may be anywhere [s]."""
+_DOUBT = 0.1
+"""Time for which an arm is followed that the camera does not see where it is placed [s]."""
+_ARM_OF = np.array([-1, 0, 0, -1, 1, 1, -1, -1])
+"""Which arm elbows and wrists belong to, shape (8,)."""
 _SURE, _UNSURE = 0.04, 0.12
 """Standard deviations of a wrist's position of full and of no confidence [m]."""
 _ACCELERATION = np.array([6.0, 12.0, 12.0, 6.0, 12.0, 12.0, 4.0, 4.0])
@@ -71,17 +76,18 @@ class Chain:
         self._shown: _Shown | None = None
         self._time = _NEVER
         self._monocular = False
+        self._doubt = np.zeros(2)
         self._measured = np.full(len(TRACKED), _NEVER)
 
     def update(
-        self, frame: RgbdFrame, landmarks: Landmarks | None, lifted: Callable[[], None] = lambda: None
+        self, frame: RgbdFrame, landmarks: Landmarks | None, on_lifted: Callable[[], None] = lambda: None
     ) -> ArmsEstimate | None:
         """Take a frame.
 
         Args:
             frame: What the camera saw.
             landmarks: What the pose model found in it; None for nothing.
-            lifted: Called between the lift and the filter, for who measures how long they take.
+            on_lifted: Called between the lift and the filter, for who measures how long they take.
 
         Returns:
             Both arms; None as long as nobody has been seen.
@@ -103,11 +109,15 @@ class Chain:
         self._monocular = frame.depth is None
         if not self.lock.admit(seen.place, self._time):
             return self._hold("somebody else is before the camera")
-        positions, sigma, measured = lift(seen, landmarks, self._filter, self._calibration, self._torso.shoulders())
+        lifted = lift(seen, landmarks, self._filter, self._calibration, self._torso.shoulders())
+        hidden = seen.seen[ARMS].reshape(2, 3).all(axis=1) & ~lifted.confirmed
+        self._doubt += np.where(hidden, dt, -2.0 * dt)
+        self._doubt = self._doubt.clip(0.0, 2.0 * _DOUBT)
+        measured = lifted.measured & ~np.isin(_ARM_OF, np.flatnonzero(hidden | (self._doubt > _DOUBT)))
         self._measured[measured] = self._time
         self._filter.forget(self._time - self._measured > _LOST)
-        lifted()
-        anew = self._filter.update(positions, sigma, measured)
+        on_lifted()
+        anew = self._filter.update(lifted.positions, lifted.sigma, measured)
         return self._show(seen, anew, dt)
 
     def _show(self, seen: Surfaces, anew: Mask, dt: float) -> ArmsEstimate | None:
@@ -115,7 +125,7 @@ class Chain:
         if not known[SHOULDERS].all():
             return self._hold("the shoulders are not seen")
         body = self._torso.update(self._filter.position, known, dt, seen.sure, seen.front)
-        tracked = np.asarray((seen.seen & known)[ARMS].reshape(2, 3).all(axis=1))
+        tracked = np.asarray((seen.seen & known)[ARMS].reshape(2, 3).all(axis=1)) & (self._doubt <= _DOUBT)
         joints = body.points(self._filter.position[ARMS]).reshape(2, 3, 3)
         shoulders, limbs = joints[:, 0], unit(joints[:, 1:] - joints[:, :-1])
         if self._shown is not None:

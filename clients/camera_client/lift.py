@@ -21,6 +21,7 @@ from camera_client.limb_map import DepthEvidence, fit_depths
 from camera_client.monocular import MODEL_SIGMA, model_depths
 from camera_client.surface import OFFSETS, arm_offsets, covered, shoulder_shift, shoulders_seen
 from camera_client.trunk_plane import trunk_turn
+from camera_client.vectors import length
 from ik_proto import Array
 
 ACROSS_SIGMA = 0.012
@@ -35,6 +36,8 @@ PIXEL_SIGMA = np.array([0.012, 0.025, 0.015])
 """How far landmarks of shoulder, elbow and wrist are off, as a standard deviation, shape (3,) [m]."""
 
 _LEAST_SURE = 0.2
+_CONFIRMED = 0.12
+"""How far what is seen of a joint may be from where it is placed [m]."""
 _WINDOW = np.array([0.25, 0.90, 0.90, 0.25, 0.90, 0.90, 0.35, 0.35])
 """How far from where it is expected the surface before a joint may be, shape (8,) [m]."""
 _REACH = (-0.95, 0.50)
@@ -58,6 +61,7 @@ class Surfaces:
         sure: How far the shoulders are seen, 0 to 1, shape (2,).
         front: How far the front of the trunk is turned to the left [rad], see `trunk_plane`; NaN where not seen.
         along: Standard deviations of the depths after the limb lengths had their say, shape (8,) [m].
+        guessed: Whether the depths are the pose model's.
         place: Between the shoulders, at the depth of the body, optical frame, shape (3,) [m].
     """
 
@@ -69,6 +73,25 @@ class Surfaces:
     front: float
     along: Array
     place: Array
+    guessed: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lifted:
+    """The joints of a frame.
+
+    Attributes:
+        positions: Optical frame, shape (8, 3) [m].
+        sigma: Their standard deviations along the axes, shape (8, 3) [m].
+        measured: Which of them are measured, shape (8,).
+        confirmed: Which arms the camera sees where they are placed, by elbow or wrist, with nothing before either,
+            shape (2,). A pose model shows an arm behind a cover as surely as one that is seen; only depth tells.
+    """
+
+    positions: Array
+    sigma: Array
+    measured: Mask
+    confirmed: Mask
 
 
 def surfaces(frame: RgbdFrame, landmarks: Landmarks, joints: JointFilter, calibration: Calibration) -> Surfaces | None:
@@ -132,7 +155,7 @@ def _guessed(frame: RgbdFrame, landmarks: Landmarks, seen: Mask, calibration: Ca
     pixels[SHOULDERS] += shoulder_shift(calibration.up_camera, torso, frame.intrinsics)
     rays = frame.intrinsics.rays(pixels)
     sigma = np.full(len(TRACKED), MODEL_SIGMA)
-    return Surfaces(seen, rays, depth, sigma, np.ones(2), math.nan, sigma, rays[SHOULDERS].mean(axis=0) * torso)
+    return Surfaces(seen, rays, depth, sigma, np.ones(2), math.nan, sigma, rays[SHOULDERS].mean(axis=0) * torso, True)
 
 
 def lift(
@@ -141,7 +164,7 @@ def lift(
     joints: JointFilter,
     calibration: Calibration,
     shoulders: Array | None = None,
-) -> tuple[Array, Array, Mask]:
+) -> Lifted:
     """Place the joints on their rays.
 
     Args:
@@ -153,8 +176,7 @@ def lift(
             not tell.
 
     Returns:
-        Positions, optical frame, shape (8, 3) [m]; their standard deviations along the axes, shape (8, 3) [m]; and
-        which of them are measured, shape (8,).
+        The joints.
     """
     expected = np.where(joints.known, joints.position[:, 2], seen.place[2])
     expected_sigma = np.where(joints.known, np.minimum(joints.sigma[:, 2], _FIRST_SIGMA) + _SLACK, _FIRST_SIGMA)
@@ -196,7 +218,18 @@ def lift(
     places[ARMS] = np.where(whole[:, None], arms.reshape(6, 3), places[ARMS])
     sigma = np.full((len(TRACKED), 3), ACROSS_SIGMA)
     sigma[:, 2] = seen.along
-    return places, sigma, usable
+    if shoulders is not None:
+        behind = np.zeros(len(TRACKED), dtype=bool)
+        behind[SHOULDERS] = ~usable[SHOULDERS]
+        places[SHOULDERS] = np.where(behind[SHOULDERS, None], shoulders, places[SHOULDERS])
+        sigma[behind], usable = GUESSED_SIGMA, usable | behind
+    # Where nothing is measured, the comparisons are false.
+    off = (seen.depth[ARMS] - places[ARMS, 2]).reshape(2, 3)[:, 1:]
+    confirmed = (np.abs(off) < _CONFIRMED).any(axis=1) & ~(off < -_CONFIRMED).any(axis=1)
+    if shoulders is not None:
+        # What drags a shoulder out of the trunk is no arm.
+        confirmed &= length(arms[:, 0] - shoulders) < _CONFIRMED
+    return Lifted(places, sigma, usable, confirmed | seen.guessed)
 
 
 def relative_depths(landmarks: Landmarks, calibration: Calibration) -> Array:
