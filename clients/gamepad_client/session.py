@@ -22,6 +22,7 @@ from ik_client.devices import DeviceError, Devices
 from ik_client.homing import Homing
 from ik_client.joint_limiter import JointLimiter, MotionLimits
 from ik_client.pacer import Pacer
+from ik_client.phase_lock import PhaseLock
 from ik_client.rate_loop import RateLoop
 from ik_client.rate_types import RateLaw
 from ik_client.robot_end import RobotLink
@@ -90,7 +91,9 @@ def run(settings: Settings, say: Say, *, terminal: bool, keep_going: Callable[[]
         _welcome(settings, devices, info, say, terminal=terminal)
         display = Display(devices, say, terminal=terminal)
         stack.callback(display.close)
-        _loop(loop, settings, operator, display, report, Pacer(period), keep_going)
+        pacer = Pacer(period)
+        lock = PhaseLock(pacer, period, robot.welcome.period)
+        _loop(loop, settings, operator, display, report, pacer, lock, keep_going)
         display.close()
         if settings.release:
             loop.release()
@@ -108,10 +111,13 @@ def _loop(
     display: Display,
     report: RunReport,
     pacer: Pacer,
+    lock: PhaseLock,
     keep_going: Callable[[], bool],
 ) -> None:
     def tick() -> None:
         done = loop.tick()
+        if done.measured is not None:
+            lock.follow(done.measured.time)
         for line in report.observe(done):
             display.say(line)
         display.show(lambda: status_of(done, operator, settings.layout, keyboard=settings.keyboard), done.time)

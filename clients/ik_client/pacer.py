@@ -40,6 +40,20 @@ class Pacer:
         self._sleep = sleep
         self._due: float | None = None
 
+    @property
+    def due(self) -> float | None:
+        """When the latest tick was due [s]; None before the first."""
+        return self._due
+
+    def shift(self, by: float) -> None:
+        """Move the schedule.
+
+        Args:
+            by: How much later ticks become due, negative for earlier [s].
+        """
+        if self._due is not None:
+            self._due += by
+
     def wait(self) -> None:
         """Wait until the next tick is due."""
         now = self._clock()

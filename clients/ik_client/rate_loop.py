@@ -16,6 +16,8 @@
   measurement differ.
 - Velocities are integrated from the last command, by the limiter, which is the last link and keeps its bounds whatever
   was answered. Where collisions are avoided, each step and the stop from it are clear of the body (`clear_way`).
+- Every tick counts for a period, however late it begins: a caller that keeps a schedule leads the robot evenly, which
+  looks at the newest command on a schedule of its own.
 - Gravity torque goes along (`gravity_torque`), asked for when the command of a tick is on its way already.
 - Only a first tick that cannot read the robot raises: there is nothing to hold yet.
 
@@ -156,7 +158,7 @@ class RateLoop:
         moving = q is not None
         homing = homing and moving
         if q is None:
-            q = self._limiter.limit(last.q, resting_goal(tick.measured, last), tick.time - last.time)
+            q = self._limiter.limit(last.q, resting_goal(tick.measured, last))
         command = self._send(q, tick.time, self._motion(wish, reply) if moving else None)
         sent = self._clock()
         idle = None if moving else self._look_at_service(tick, command)
@@ -288,10 +290,9 @@ class RateLoop:
         return velocity + change * min(1.0, most / max(float(np.abs(change).max()), 1e-12))
 
     def _move(self, tick: Tick, velocity: Array, last: Command) -> Array:
-        since = tick.time - last.time
         if self._way is None:
-            return self._limiter.move(last.q, velocity, since)
-        return self._way.move(last.q, velocity, since, tick.measured.waist if tick.measured else None)
+            return self._limiter.move(last.q, velocity)
+        return self._way.move(last.q, velocity, None, tick.measured.waist if tick.measured else None)
 
     def _clearance(self, q: Array, waist: Array | None) -> Array:
         """Smallest distance between two parts of the body at each row of joints [m]."""

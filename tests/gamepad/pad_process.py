@@ -5,10 +5,13 @@
     unplug | plug | rest
     key space 1 | focus 0          of the keyboard, in a window that nobody sees
 
-Run as `python pad_process.py [--events FILE] OPTIONS OF IK-GAMEPAD`. Each line is carried out at once, in a thread of
-its own, as a hand would; the file tells when, by the monotonic clock that all processes of a machine share.
+Run as `python pad_process.py [--events FILE] [--commands FILE.npy] OPTIONS OF IK-GAMEPAD`. Each line is carried out at
+once, in a thread of its own, as a hand would; the events tell when, by the monotonic clock that all processes of a
+machine share. The commands are those that left for the robot, a row each: when, what was asked of the left wrist [m/s],
+and the joints.
 """
 
+import argparse
 import json
 import sys
 import threading
@@ -17,9 +20,13 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+import numpy as np
+
 import gamepad_client.session as session
 from gamepad_client.cli import main
+from ik_client import Command
 from ik_client.devices import Devices
+from ik_client.robot_end import RobotLink
 
 
 class HandledDevices(Devices):
@@ -60,10 +67,25 @@ class HandledDevices(Devices):
                 getattr(self._virtual, word)()
 
 
+class HeardLink(RobotLink):
+    """A link that keeps what is sent."""
+
+    rows: list[np.ndarray]
+
+    def send(self, command: Command) -> None:
+        asked = np.zeros(3) if command.motion is None else command.motion.twists[0, :3]
+        super().send(command)
+        self.rows.append(np.concatenate([[time.monotonic()], asked, command.q]))
+
+
 if __name__ == "__main__":
-    words = sys.argv[1:]
-    if words[:1] == ["--events"]:
-        HandledDevices.events = Path(words[1])
-        words = words[2:]
-    session.Devices = HandledDevices  # ty: ignore[invalid-assignment]
-    sys.exit(main(words))
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    for flag in ("--events", "--commands"):
+        parser.add_argument(flag, type=Path)
+    files, words = parser.parse_known_args()
+    HandledDevices.events, HeardLink.rows = files.events, []
+    session.Devices, session.RobotLink = HandledDevices, HeardLink  # ty: ignore[invalid-assignment]
+    code = main(words)
+    if files.commands is not None:
+        np.save(files.commands, np.array(HeardLink.rows))
+    sys.exit(code)

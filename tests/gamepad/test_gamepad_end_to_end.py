@@ -8,6 +8,9 @@ import time
 import numpy as np
 from hands_on import LIMIT, HandsOn, hands_on
 
+from ik_client import IKClient
+from ik_proto import Array
+
 SIDE = 0.06
 """Of the square that the left hand goes round [m]."""
 
@@ -27,53 +30,63 @@ def go_home(pad: HandsOn) -> None:
     assert pad.state().following
 
 
-def drive(pad: HandsOn, axis: str, value: float, along: int, way: float) -> np.ndarray:
-    """Hold a stick until the left wrist has gone so far along an axis; gives its poses on the way, shape (k, 4, 4)."""
+def drive(pad: HandsOn, axis: str, value: float, along: int) -> Array:
+    """Hold a stick until the left wrist has gone a side of the square, and wait for it to rest; gives where."""
     start = pad.wrists()[0]
-    poses = [start]
     pad.do("axis", axis, value)
-    end = time.monotonic() + LIMIT
-    while abs(poses[-1][along, 3] - start[along, 3]) < way:
-        assert time.monotonic() < end, poses[-1]
-        assert pad.state().following, pad.state()
-        poses.append(pad.wrists()[0])
+    pad.until(lambda: abs(pad.wrists()[0][along, 3] - start[along, 3]) >= SIDE, "a side of the square")
     pad.do("axis", axis, 0.0)
     pad.comes_to_rest()
-    return np.array([*poses, pad.wrists()[0]])
+    assert pad.state().following
+    return pad.wrists()[0]
 
 
-def turned(a: np.ndarray, b: np.ndarray) -> float:
+def turned(a: Array, b: Array) -> float:
     """Angle between two poses [rad]."""
     return float(np.arccos(np.clip((np.trace(a[:3, :3].T @ b[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
 
 
+def sides(commands: Array, ik: IKClient) -> list[Array]:
+    """The left wrist's poses at the commands of each side, shape (k, 4, 4): from one push of the stick to the next."""
+    asked = commands[:, 1:4]
+    moves = np.flatnonzero(np.linalg.norm(asked, axis=1) > 0.05)
+    pushes = [k for k, before in zip(moves[1:], moves, strict=False) if asked[k] @ asked[before] < 1e-9]
+    parts = np.split(commands[moves[0] :], np.array(pushes) - moves[0])
+    return [np.array([ik.fk(q).left_wrist for q in part[::4, 4:]]) for part in parts]
+
+
 def test_a_stick_leads_a_hand_round_a_square_and_home(rate_service, robot, tmp_path):
-    home, report = tmp_path / "home.toml", tmp_path / "report.json"
+    home, report, commands = tmp_path / "home.toml", tmp_path / "report.json", tmp_path / "commands.npy"
     home.write_text(BEFORE)
-    options = ("--speed", 0.1, "--home", home, "--report", report, "--release")
+    options = ("--commands", commands, "--home", home, "--report", report, "--speed", 0.1, "--release")
     with hands_on(rate_service.tcp_url, robot, *options, log=tmp_path / "log") as pad:
         assert pad.ready["device"] == "Virtual Controller"
         pad.engage()
         go_home(pad)
         begin = pad.wrists()
-        legs = [  # forward on a stick is -y; left is -x
-            drive(pad, "left_stick_y", -1.0, 0, SIDE),
-            drive(pad, "left_stick_x", -1.0, 1, SIDE),
-            drive(pad, "left_stick_y", 1.0, 0, SIDE),
-            drive(pad, "left_stick_x", 1.0, 1, SIDE),
+        corners = [  # forward on a stick is -y; left is -x
+            begin[0],
+            drive(pad, "left_stick_y", -1.0, 0),
+            drive(pad, "left_stick_x", -1.0, 1),
+            drive(pad, "left_stick_y", 1.0, 0),
+            drive(pad, "left_stick_x", 1.0, 1),
         ]
         end = pad.wrists()
         pad.process.send_signal(signal.SIGINT)
         said, _ = pad.process.communicate(timeout=LIMIT)
+        paths = sides(np.load(commands), pad.ik)
     assert pad.process.returncode == 0, (tmp_path / "log").read_text()
     assert "the robot has taken its arms back" in said
 
-    for leg, along, sign in zip(legs, (0, 1, 0, 1), (1.0, 1.0, -1.0, -1.0), strict=True):
-        way = leg[-1][:3, 3] - leg[0][:3, 3]
-        assert sign * way[along] >= SIDE
-        across = np.delete(leg[:, :3, 3] - leg[0][:3, 3], along, axis=1)
-        assert np.linalg.norm(across, axis=1).max() < 0.003, "the side of the square is not straight"
-    assert max(turned(begin[0], pose) for leg in legs for pose in leg) < np.radians(1.0)
+    # Where the robot stood at the corners, and what it was sent on the sides.
+    assert len(paths) == 4
+    signs = ((0, 1.0), (1, 1.0), (0, -1.0), (1, -1.0))
+    for before, after, path, (along, sign) in zip(corners[:-1], corners[1:], paths, signs, strict=True):
+        assert sign * (after - before)[along, 3] >= SIDE
+        for poses in (np.array([before, after]), path):
+            across = np.delete(poses[:, :3, 3] - poses[0, :3, 3], along, axis=1)
+            assert np.linalg.norm(across, axis=1).max() < 0.003, "the side of the square is not straight"
+            assert max(turned(begin[0], pose) for pose in poses) < np.radians(1.0)
     # The other hand has stayed where it was.
     assert np.linalg.norm(end[1][:3, 3] - begin[1][:3, 3]) < 1e-3
 
