@@ -23,8 +23,9 @@ from ik_proto import Array
 LENGTH_SIGMA = 0.02
 """How well a limb has its calibrated length [m]."""
 _CAUCHY = 4.0
-_ITERATIONS = 4
+_ITERATIONS = 3
 _EYE = np.eye(3)
+_J, _NEAR, _FAR = np.arange(3), np.arange(2), np.arange(1, 3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,14 +83,12 @@ def fit_arms(e: ArmEvidence, start: Array) -> Array:
         g = np.zeros((2, 3, 3))
         off = P[..., :2] - P[..., 2:] * e.rays[..., :2]
         weight = across_precision / (1.0 + (off * off).sum(axis=-1) * across_precision / _CAUCHY)
-        for j in range(3):
-            H[:, j, j] = weight[:, j, None, None] * lateral_square[:, j]
+        H[:, _J, _J] = weight[..., None, None] * lateral_square
         g += weight[..., None] * (lateral.swapaxes(-1, -2) @ off[..., None])[..., 0]
         deep = P[..., 2] - depth
         weight = precision / (1.0 + deep * deep * precision / _CAUCHY)
         g[..., 2] += weight * deep
-        for j in range(3):
-            H[:, j, j, 2, 2] += weight[:, j]
+        H[:, _J, _J, 2, 2] += weight
         shifted = P[:, 0] - trunk
         weight = trunk_precision / (1.0 + (shifted * shifted).sum(axis=-1) * trunk_precision / _CAUCHY)
         g[:, 0] += weight[:, None] * shifted
@@ -102,14 +101,11 @@ def fit_arms(e: ArmEvidence, start: Array) -> Array:
         step[..., 2] += relative_precision * (limb[..., 2] - relative)
         block = (along[..., :, None] * along[..., None, :]) / LENGTH_SIGMA**2
         block[..., 2, 2] += relative_precision
-        for near in (0, 1):
-            far = near + 1
-            g[:, near] -= step[:, near]
-            g[:, far] += step[:, near]
-            H[:, near, near] += block[:, near]
-            H[:, far, far] += block[:, near]
-            H[:, near, far] -= block[:, near]
-            H[:, far, near] -= block[:, near]
+        g[:, :2] -= step
+        g[:, 1:] += step
+        H[:, _NEAR, _NEAR] += block
+        H[:, _FAR, _FAR] += block
+        H[:, _NEAR, _FAR] = H[:, _FAR, _NEAR] = -block
         A = H.transpose(0, 1, 3, 2, 4).reshape(2, 9, 9)
         P = P - np.linalg.solve(A, g.reshape(2, 9, 1)).reshape(2, 3, 3)
     return P

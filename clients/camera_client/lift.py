@@ -21,7 +21,7 @@ from camera_client.limb_map import DepthEvidence, fit_depths
 from camera_client.monocular import MODEL_SIGMA, model_depths
 from camera_client.surface import OFFSETS, arm_offsets, covered, shoulder_shift, shoulders_seen
 from camera_client.trunk_plane import trunk_turn
-from camera_client.vectors import length
+from camera_client.vectors import length, middle
 from ik_proto import Array
 
 ACROSS_SIGMA = 0.012
@@ -133,7 +133,7 @@ def surfaces(frame: RgbdFrame, landmarks: Landmarks, joints: JointFilter, calibr
     trunk = depth[_TRUNK]
     if not np.isfinite(trunk).any():
         return None
-    torso = float(np.nanmedian(trunk))
+    torso = middle(trunk)
     off = depth[ARMS] - torso
     depth[ARMS] = np.where((off > _REACH[0]) & (off < _REACH[1]), depth[ARMS], np.nan)
     if known[ARMS].all():

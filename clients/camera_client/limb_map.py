@@ -23,7 +23,7 @@ RELATIVE_SIGMA = 0.15
 """How well a pose model knows how much deeper one joint is than another [m]."""
 
 _CAUCHY = 4.0
-_ITERATIONS = 5
+_ITERATIONS = 4
 _NEAREST = 0.2
 """No joint is nearer to the camera [m]."""
 

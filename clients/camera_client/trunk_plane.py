@@ -12,16 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camera_client.frame import Intrinsics
+from camera_client.vectors import middle
 from ik_proto import Array
 
-_ACROSS, _DOWN = np.linspace(0.1, 0.9, 12), np.linspace(0.08, 0.95, 14)
+_ACROSS, _DOWN = np.linspace(0.1, 0.9, 11), np.linspace(0.08, 0.95, 12)
 """Where depths are read, from right to left and from the shoulders to the hips."""
 _SHARES = np.stack(np.meshgrid(_ACROSS, _DOWN), axis=-1).reshape(-1, 2)
 _LEAST = 40
 """Depths that a plane needs."""
 _BEFORE = 0.06
 """What is further in front of the plane than this is an arm [m]."""
-_SCALES = (0.15, 0.075, 0.04, 0.04)
+_SCALES = (0.15, 0.06, 0.04)
 """Where a depth counts half, from one iteration to the next [m]."""
 _NEAREST = 300
 """Depths below this are no measurement [mm]."""
@@ -50,11 +51,11 @@ def trunk_turn(depth: NDArray[np.uint16], corners: Array, intrinsics: Intrinsics
     if valid.sum() < _LEAST:
         return math.nan
     z, column, down = z[valid] * 1e-3, column[valid], down[valid, 0]
-    middle = float(np.median(z))
+    centre = middle(z)
     D = np.empty((len(z), 3))
     D[:, 0], D[:, 2] = 1.0, down - 0.5
-    D[:, 1] = (column - column.mean()) / intrinsics.fx * middle
-    plane = np.array([middle, 0.0, 0.0])
+    D[:, 1] = (column - column.mean()) / intrinsics.fx * centre
+    plane = np.array([centre, 0.0, 0.0])
     for scale in _SCALES:
         off = z - D @ plane
         weight = np.where(off < -max(_BEFORE, scale), 0.0, 1.0 / (1.0 + (off / scale) ** 2))

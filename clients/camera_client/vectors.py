@@ -1,5 +1,7 @@
 """Small vector algebra on arrays of shape (..., 3), without the overhead of numpy's general routines."""
 
+import math
+
 import numpy as np
 
 from ik_proto import Array
@@ -31,6 +33,13 @@ def length(a: Array) -> Array:
 def unit(a: Array) -> Array:
     """Vectors of length 1; one of length 0 stays."""
     return a / np.maximum(length(a), _TINY)[..., None]
+
+
+def middle(values: Array) -> float:
+    """Median of the finite ones of a few numbers; NaN where there is none."""
+    finite = np.sort(values[np.isfinite(values)])
+    n = len(finite)
+    return float(0.5 * (finite[(n - 1) // 2] + finite[n // 2])) if n else math.nan
 
 
 def transport(v: Array, a: Array, b: Array) -> Array:

@@ -122,7 +122,7 @@ def _jitter(t: Array, truth: Array, wrists: Array, turn: tuple[float, float]) ->
         edges = np.flatnonzero(np.diff(np.concatenate([[0], still, [0]])))
         for begin, end in edges.reshape(-1, 2):
             # A moment for the estimate to arrive.
-            held = wrists[begin + 5 : end - 5, arm]
+            held = wrists[begin + 5 : max(end - 5, 0), arm]
             if len(held) > SHORTEST_HOLD:
                 squares.append(((held - held.mean(axis=0)) ** 2).sum(axis=-1))
     return float(np.sqrt(np.concatenate(squares).mean())) if squares else np.nan

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 from skinned_person import Array
 
 from camera_client.estimate import ORIENTATION_FLOOR
@@ -44,7 +45,7 @@ class Replay:
     elbow_off: Array
     wrist_off: Array
     turn_off: Array
-    possible: Array
+    possible: NDArray[np.bool_]
     velocity: Array
     acceleration: Array
 

@@ -83,10 +83,12 @@ class Observer:
         return frame, landmarks
 
 
-def moments(scene: RenderedPerson, dance: Choreography, fps: float = FPS) -> Iterator[Moment]:
-    """Render a choreography."""
-    for k in range(round(dance.duration * fps)):
-        yield moment(scene, dance, k / fps)
+def moments(
+    scene: RenderedPerson, dance: Choreography, begin: float = 0.0, end: float | None = None
+) -> Iterator[Moment]:
+    """Render a choreography, or a part of it."""
+    for k in range(round(begin * FPS), round((dance.duration if end is None else end) * FPS)):
+        yield moment(scene, dance, k / FPS)
 
 
 def moment(scene: RenderedPerson, dance: Choreography, t: float) -> Moment:

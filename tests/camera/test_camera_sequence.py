@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from arm_metrics import Track, angle_between
+from arm_metrics import Score, Track, angle_between
 from choreography import FULL, SHORT
 from rendered_person import RenderedPerson
 from scenes import open_scene
-from sequence import FPS, Observer, Run, calibrated, recorded, run
+from sequence import FPS, Observer, Run, calibrated, follow, moments, recorded, run
 
 BODIES = {"as_measured": (1.0, 1.0, 1.0), "short_and_broad": (1.05, 1.08, 0.92)}
 HIDDEN = (2.6, 3.2)
@@ -30,10 +30,10 @@ def test_arms_are_followed_where_the_published_chain_is_not(short):
     # A covered arm is where it was, and nobody claims to know where it is.
     tracked = np.array([estimate.tracked for estimate in short.estimates])
     error = np.linalg.norm(np.array(short.ours.joints) - np.array(short.ours.truth), axis=-1)[tracked]
-    assert error[:, 2].mean() < 0.06
-    assert np.percentile(error[:, 2], 95) < 0.12
-    assert ours.wrist_mean < 0.6 * thesis.wrist_mean
-    assert ours.wrist_p95 < 0.6 * thesis.wrist_p95
+    assert error[:, 2].mean() <= 0.040
+    assert np.percentile(error[:, 2], 95) <= 0.100
+    assert ours.wrist_mean < 0.5 * thesis.wrist_mean
+    assert ours.wrist_p95 < 0.5 * thesis.wrist_p95
     assert ours.turned_over < 0.5 * thesis.turned_over
 
 
@@ -74,6 +74,33 @@ def test_a_t_pose_gives_the_lengths_of_the_arms(scene):
     assert np.degrees(np.arccos(-fitted.up_camera[1])) < 5.0
 
 
+def test_what_mediapipe_found_is_followed(scene):
+    """An excerpt of the full dance, from the T pose to the hand before the elbow, with real landmarks."""
+    observer = Observer.seeded(3)
+    observer.recorded = recorded("as_measured")
+    calibration = calibrated(scene, observer)
+    (one,) = follow(moments(scene, FULL, begin=4.2, end=11.0), [observer], [calibration])
+    ours, thesis = one.ours.score(FULL), one.thesis.score(FULL)
+    print(f"\nours   {ours}\nthesis {thesis}")
+    assert ours.wrist_mean <= 0.040
+    assert ours.wrist_p95 <= 0.100
+    assert ours.turn_p95 <= 15.0
+    assert (ours.jumps, ours.spikes) == (0, 0)
+    assert ours.bad_limbs < 0.005
+    assert ours.jitter <= 0.015
+    assert thesis.wrist_mean > 2.0 * ours.wrist_mean
+
+
+def assert_as_asked(score: Score):
+    """What the issue asks of arms in the pelvis frame."""
+    assert score.wrist_mean <= 0.040
+    assert score.wrist_p95 <= 0.100
+    assert (score.jumps, score.spikes) == (0, 0)
+    assert score.bad_limbs < 0.005
+    assert score.jitter <= 0.015
+    assert score.lag <= 0.025
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", BODIES)
@@ -87,12 +114,9 @@ def test_the_full_dance_with_a_real_pose_model(name: str, person_folder: Path):
     for one in runs:
         ours, thesis = one.ours.score(FULL), one.thesis.score(FULL)
         print(f"\n{name}, MediaPipe, {1000 * np.median(one.seconds):.2f} ms a frame\nours   {ours}\nthesis {thesis}")
-        assert ours.wrist_mean <= 0.040
-        assert ours.wrist_p95 <= 0.100
+        assert_as_asked(ours)
+        assert ours.turn_p95 <= 15.0
         assert ours.turned_over <= 0.005
-        assert (ours.jumps, ours.spikes) == (0, 0)
-        assert ours.bad_limbs < 0.005
-        assert ours.lag <= 0.025
         assert thesis.wrist_mean > 2.0 * ours.wrist_mean
 
 
@@ -100,18 +124,16 @@ def test_the_full_dance_with_a_real_pose_model(name: str, person_folder: Path):
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", BODIES)
 def test_the_full_dance(name: str, person_folder: Path):
+    """The same with drawn landmarks, whose errors differ from seed to seed."""
     with open_scene(person_folder, BODIES[name]) as scene:
         runs = run(scene, FULL, [Observer.seeded(seed) for seed in (1, 2, 3)])
     for one in runs:
         ours, thesis = one.ours.score(FULL), one.thesis.score(FULL)
         print(f"\n{name}, {1000 * np.median(one.seconds):.2f} ms a frame\nours   {ours}\nthesis {thesis}")
-        assert (ours.jumps, ours.spikes) == (0, 0)
-        assert ours.bad_limbs < 0.005
-        assert ours.lag <= 0.025
+        assert_as_asked(ours)
         assert ours.turned_over < 0.25 * thesis.turned_over
-        assert ours.wrist_p95 < 0.6 * thesis.wrist_p95
-        if ours.wrist_mean >= 0.5 * thesis.wrist_mean:
-            pytest.xfail("half of the published chain's error was asked for; 0.52 to 0.54 of it were measured")
+        assert ours.wrist_p95 < 0.5 * thesis.wrist_p95
+        assert ours.wrist_mean < 0.5 * thesis.wrist_mean
 
 
 def test_scores_see_what_they_are_about():

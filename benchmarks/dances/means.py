@@ -1,0 +1,37 @@
+"""What the tests of the camera client have to render, disturb, follow and judge people with, for the benchmark.
+
+The tests own it, so that both measure with one measure.
+"""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "camera"))
+
+# Found on the path that was just set.
+from arm_metrics import Score, Track  # ty: ignore[unresolved-import]
+from human_motion import human_motions  # ty: ignore[unresolved-import]
+from material import Material, render  # ty: ignore[unresolved-import]
+from rendered_person import INTRINSICS  # ty: ignore[unresolved-import]
+from retargeting import ELBOW_LIKE, RATE, Retargeting  # ty: ignore[unresolved-import]
+from sequence import FPS, Observer, Run, fitted, follow  # ty: ignore[unresolved-import]
+from subjects import Take, takes  # ty: ignore[unresolved-import]
+
+__all__ = [
+    "ELBOW_LIKE",
+    "FPS",
+    "INTRINSICS",
+    "RATE",
+    "Material",
+    "Observer",
+    "Retargeting",
+    "Run",
+    "Score",
+    "Take",
+    "Track",
+    "fitted",
+    "follow",
+    "human_motions",
+    "render",
+    "takes",
+]

@@ -1,0 +1,85 @@
+"""Recorded motion of people on the robot: wrist basis, scaling, inverse kinematics with elbow hints, limiter.
+
+Of what the solver answers it is only asked that it is within the limits: people move faster than the robot may, and
+their hands pass where the robot's body is. Of what is commanded everything is.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from human_motion import HumanMotion, human_motions
+from retargeting import ELBOW_LIKE, RATE, Replay, Retargeting
+
+from ik_client.joint_limiter import MotionLimits
+from ik_proto.robots import load_description
+from ik_service.kernel import load_kernel
+from ik_service.preset import Preset
+from ik_service.robot import Robot
+from ik_service.solver import Solver
+
+SOME = ("climb_1", "side_jump_level4_filter", "single_foot_balance_level3_filter", "squat_level3_filter")
+"""Arms that stay out of each other's way and of the body's most of the time."""
+SETTLED = round(RATE)
+"""The robot begins with its arms elsewhere [ticks]."""
+
+
+@pytest.fixture(scope="module")
+def motions(shared_data: Path) -> dict[str, HumanMotion]:
+    folder = shared_data / "human"
+    if not (folder / "smpl" / "joints_30fps.npz").is_file():
+        pytest.skip(f"no recorded people in {folder}")
+    return {motion.name: motion for motion in human_motions(folder)}
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot.load(load_description("g1"))
+
+
+@pytest.fixture(scope="module")
+def retargeting(robot: Robot, kernel_cache: Path) -> Retargeting:
+    description = load_description("g1")
+    kernel = load_kernel(robot, folder=kernel_cache)
+    return Retargeting(robot, Solver(robot, kernel, Preset.of(description, "precise")), description)
+
+
+def assert_within_bounds(replay: Replay, robot: Robot):
+    for q in (replay.wanted, replay.commanded):
+        assert (q >= robot.lower).all()
+        assert (q <= robot.upper).all()
+    # A jump is a step that the limiter's bounds do not allow.
+    bounds = MotionLimits()
+    step = np.abs(np.diff(replay.commanded, axis=0, prepend=replay.commanded[:1]))
+    assert (step <= np.asarray(bounds.velocity) / RATE + 1e-9).all()
+    assert (np.abs(replay.velocity) <= np.asarray(bounds.velocity) + 1e-9).all()
+    assert (np.abs(replay.acceleration) <= np.asarray(bounds.acceleration) + 1e-9).all()
+
+
+@pytest.mark.parametrize("name", SOME)
+def test_elbows_are_the_persons_where_they_can_be(
+    motions: dict[str, HumanMotion], retargeting: Retargeting, robot: Robot, name: str
+):
+    replay = retargeting.replay(motions[name].at(RATE, most=9.0))
+    assert_within_bounds(replay, robot)
+    possible = replay.possible.copy()
+    possible[:SETTLED] = False
+    assert possible.mean() > 0.4
+    assert (replay.elbow_off[possible] <= ELBOW_LIKE).mean() >= 0.99
+
+
+@pytest.mark.slow
+def test_no_clip_takes_the_robot_out_of_its_bounds(
+    motions: dict[str, HumanMotion], retargeting: Retargeting, robot: Robot
+):
+    for motion in motions.values():
+        assert_within_bounds(retargeting.replay(motion.at(RATE)), robot)
+
+
+def test_directions_are_the_persons_own_left_and_right(motions: dict[str, HumanMotion]):
+    for motion in motions.values():
+        shoulders, elbows = motion.arms[:, :, 0].mean(axis=0), motion.arms[:, :, 1].mean(axis=0)
+        assert shoulders[0, 1] > 0.1 > -0.1 > shoulders[1, 1]
+        assert (shoulders[:, 2] > 0.25).all()
+        # Feet and knees apart, people carry their arms before them more than behind.
+        assert (elbows[:, 0] > -0.1).all()
