@@ -1,12 +1,15 @@
-"""Rate control where it is hard: sweeps into singular postures, limits, boxes and the body, and back.
+"""Rate control where it is hard: sweeps into singular postures, limits, boxes and the body, and back; and squares.
 
     OMP_NUM_THREADS=1 python benchmarks/velocity.py [--random N] [--json FILE] [--chart FILE]
 
-Every sweep starts at rest, asks the hand for 0.2 m/s one way, and then for the way back. The exit code is 1 when a
-joint is too fast or leaves its limits, an arm chatters, a hand goes a wrong way, or cannot get away again. Of random
-postures some are singular from the start: the way back leads into what the hand has just got out of, and some of them
-let it go neither way. How many get away is reported there, not judged, and so is the time of a call. Takes some
-seconds.
+Every sweep starts at rest, asks the hand for 0.2 m/s one way, and then for the way back, with its orientation held. The
+exit code is 1 when a joint is too fast or leaves its limits, an arm chatters, a hand goes a wrong way, or cannot get
+away again; and when a hand that is led round a square of 30 cm strays or turns.
+
+Of random postures some are singular from the start. There the way back may lead into what the hand has just got out of,
+and where the arm is stretched or folded a hand that may not turn may have nowhere to go along one line. It must get
+away all the same, in another direction or with its orientation free: 26 directions are tried. The time of a call is
+reported, not judged. Takes some seconds.
 """
 
 import argparse
@@ -29,7 +32,8 @@ from rich.table import Table
 from benchmarks.environment import environment
 from benchmarks.peers.environments import Unavailable, prepare
 from benchmarks.sweeps.courses import ANYWHERE, HOME, courses
-from benchmarks.sweeps.drive import Driven, drive
+from benchmarks.sweeps.drive import Driven, drive, ways_out
+from benchmarks.sweeps.square import Round, drive_round, squares
 from ik_proto.limits import DEFAULT_ACCELERATION, DEFAULT_SPEED
 from ik_proto.robots import load_description
 from ik_service.dampers import RATE
@@ -39,6 +43,10 @@ from ik_service.velocity import RateController
 from ik_service.velocity_kernel import load_velocity_kernel
 
 PACKAGES = ("ik-service", "casadi", "pin", "numpy")
+SINGULAR_START = "singular start"
+SHOWN_SPEED = 0.15
+"""Of the squares that are drawn [m/s]."""
+
 CHART_SCRIPT = Path(__file__).resolve().parent / "sweeps" / "chart.py"
 MOST_TURNS = 3.0
 """Changes of direction of a joint a second that are no chatter."""
@@ -60,6 +68,21 @@ def faults(driven: Driven, margin: float, starts_clear: bool) -> list[str]:
         "the hand cannot get away": not driven.left and driven.manipulability >= SINGULAR["held"],
         "a joint beyond its limit": driven.room < 0.0,
         f"clearance {1e3 * driven.clearance:.2f} mm": starts_clear and driven.clearance < margin - 2e-4,
+    }
+    return [what for what, wrong in checks.items() if wrong]
+
+
+MOST_PATH_ERROR, MOST_DRIFT = 3e-3, 1.0
+"""How far a hand may stray from a square [m], and how far turn on the way [degrees]."""
+
+
+def square_faults(found: Round) -> list[str]:
+    """What is wrong with a way round a square."""
+    checks = {
+        f"{1e3 * found.path_error:.2f} mm from the path": found.path_error > MOST_PATH_ERROR,
+        f"{1e3 * found.corner_error:.2f} mm from a corner": found.corner_error > MOST_PATH_ERROR,
+        f"turned by {found.drift:.2f} degrees": found.drift > MOST_DRIFT,
+        f"limited by {', '.join(found.limited)}": bool(found.limited),
     }
     return [what for what, wrong in checks.items() if wrong]
 
@@ -86,6 +109,78 @@ def _draw(numbers: Path, chart: Path) -> str:
     return f"no chart: {result.stderr.strip().splitlines()[-1]}" if result.returncode else ""
 
 
+def _sweeps(
+    robot: Robot, control: RateController, random: int, traces: dict[str, Any], console: Console
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Drive all courses; rows of the table, and what is wrong."""
+    found: dict[str, list[Driven]] = {}
+    wrong, ways = [], {True: [], False: []}
+    for course in courses(robot, random):
+        driven = drive(robot, control, course)
+        kind = course.kind
+        if kind == ANYWHERE and driven.manipulability < SINGULAR["held"]:
+            kind = SINGULAR_START
+        found.setdefault(kind, []).append(driven)
+        if len(found[kind]) == 1:
+            traces[f"{kind}: {course.name}"] = driven.trace
+        checked = course.options.get("collision") != "off"
+        faulty = faults(driven, robot.collision.margin, checked)
+        if kind == SINGULAR_START and (driven.stuck or not driven.left):
+            for held, counts in ways.items():
+                counts.append(ways_out(robot, control, driven.end, course.arm, held))
+            if not any(counts[-1] for counts in ways.values()):
+                faulty.append("the hand cannot get away in any direction")
+        arm = ("left", "right")[course.arm]
+        wrong += [f"{kind}, {arm}, {course.name}: {fault}" for fault in faulty]
+    table = Table(title="sweeps of both arms, worst of each kind", title_justify="left")
+    headings = ("kind", "sweeps", "rad/s", "rad/s^2", "turns/s", "deviation [deg]", "got back", "stuck", "room [mrad]")
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading == "kind" else "right")
+    rows = []
+    for kind, sweeps in found.items():
+        worst = {
+            key: max(getattr(one, key) for one in sweeps) for key in ("speed", "acceleration", "turns", "deviation")
+        }
+        stuck, room = sum(one.stuck for one in sweeps), min(one.room for one in sweeps)
+        left = sum(one.left and not one.stuck for one in sweeps)
+        rows.append({"kind": kind, "sweeps": len(sweeps), **worst, "left": left, "stuck": stuck, "room": room})
+        numbers = (f"{worst['speed']:.2f}", f"{worst['acceleration']:.1f}", f"{worst['turns']:.1f}")
+        table.add_row(
+            kind, str(len(sweeps)), *numbers, f"{worst['deviation']:.1f}", str(left), str(stuck), f"{1e3 * room:.2f}"
+        )
+    console.print(table)
+    if counts := ways[True]:
+        console.print(
+            f"{len(counts)} of the singular starts do not let the hand back; of 26 directions it gets away in "
+            f"{min(counts)} to {max(counts)} (median {np.median(counts):.0f}) with its orientation held, in "
+            f"{min(ways[False])} to {max(ways[False])} (median {np.median(ways[False]):.0f}) with it free"
+        )
+        rows[-1] |= {"ways_held": counts, "ways_free": ways[False]}
+    return rows, wrong
+
+
+def _squares(
+    robot: Robot, control: RateController, paths: dict[str, Any], console: Console
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Lead the hands round all squares; rows of the table, and what is wrong."""
+    table = Table(title="squares of 30 cm by velocity alone, orientation held", title_justify="left")
+    headings = ("square", "arm", "m/s", "path [mm]", "corner [mm]", "drift [deg]", "rad/s", "room [rad]")
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading in ("square", "arm") else "right")
+    rows, wrong = [], []
+    for square in squares():
+        found, arm = drive_round(robot, control, square), ("left", "right")[square.arm]
+        row = {key: getattr(found, key) for key in ("path_error", "corner_error", "drift", "speed", "room")}
+        rows.append({"square": square.name, "arm": arm, "asked_speed": square.speed, **row})
+        if square.arm == 0 and square.speed == SHOWN_SPEED:
+            paths[square.name] = found.path.tolist()
+        wrong += [f"square {square.name}, {arm}, {square.speed:g} m/s: {fault}" for fault in square_faults(found)]
+        numbers = (f"{1e3 * found.path_error:.3f}", f"{1e3 * found.corner_error:.3f}", f"{found.drift:.3f}")
+        table.add_row(square.name, arm, f"{square.speed:g}", *numbers, f"{found.speed:.2f}", f"{found.room:.2f}")
+    console.print(table)
+    return rows, wrong
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Drive all courses."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
@@ -97,41 +192,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     robot = Robot.load(load_description("g1"))
     kernel = load_velocity_kernel(robot)
     control = RateController(robot, kernel)
-    found: dict[str, list[Driven]] = {}
     traces: dict[str, Any] = {}
-    wrong = []
-    for course in courses(robot, options.random):
-        driven = drive(robot, control, course)
-        kind = course.kind
-        if kind == ANYWHERE and driven.manipulability < SINGULAR["held"]:
-            kind = "singular start"
-        found.setdefault(kind, []).append(driven)
-        if len(found[kind]) == 1:
-            traces[f"{kind}: {course.name}"] = driven.trace
-        checked = course.options.get("collision") != "off"
-        wrong += [f"{kind}, {course.name}: {fault}" for fault in faults(driven, robot.collision.margin, checked)]
-    table = Table(title="sweeps, worst of each kind", title_justify="left")
-    headings = ("kind", "sweeps", "rad/s", "rad/s^2", "turns/s", "deviation [deg]", "got away", "stuck", "room [mrad]")
-    for heading in headings:
-        table.add_column(heading, justify="left" if heading == "kind" else "right")
-    rows = []
-    for kind, sweeps in found.items():
-        worst = {
-            key: max(getattr(one, key) for one in sweeps) for key in ("speed", "acceleration", "turns", "deviation")
-        }
-        stuck, room = sum(one.stuck for one in sweeps), min(one.room for one in sweeps)
-        left = sum(one.left for one in sweeps) - stuck
-        rows.append({"kind": kind, "sweeps": len(sweeps), **worst, "left": left, "stuck": stuck, "room": room})
-        numbers = (f"{worst['speed']:.2f}", f"{worst['acceleration']:.1f}", f"{worst['turns']:.1f}")
-        table.add_row(
-            kind, str(len(sweeps)), *numbers, f"{worst['deviation']:.1f}", str(left), str(stuck), f"{1e3 * room:.2f}"
-        )
-    console.print(table)
+    rows, wrong = _sweeps(robot, control, options.random, traces, console)
+    paths: dict[str, Any] = {}
+    ways, astray = _squares(robot, control, paths, console)
+    wrong += astray
     timing = time_of_a_call(control)
     console.print(
         f"kernel {kernel.kind}: {timing['kernel_us']:.1f} us a call, {timing['controller_us']:.1f} with Python"
     )
-    report = {"environment": environment(PACKAGES), "timing": timing, "rows": rows, "faults": wrong, "traces": traces}
+    report = {
+        "environment": environment(PACKAGES),
+        "timing": timing,
+        "rows": rows,
+        "squares": ways,
+        "faults": wrong,
+        "traces": traces,
+        "paths": paths,
+    }
     text = json.dumps(report, indent=2) + "\n"
     if options.json:
         options.json.write_text(text, encoding="utf-8")

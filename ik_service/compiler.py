@@ -15,10 +15,11 @@ import hashlib
 import os
 import platform
 import shutil
+import signal
 import subprocess
 import tempfile
-from collections.abc import Generator
-from contextlib import contextmanager
+from collections.abc import Callable, Generator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,7 +31,7 @@ minimum and maximum as comparisons, one instruction each; no function may be rep
 others are inlined, which halves the time of a distance."""
 
 COMPILE_TIMEOUT = 120.0
-"""Time after which a compiler is given up [s]; it takes about 2 s."""
+"""Time after which a compiler is given up [s]; it takes some seconds."""
 
 _DIGEST_BYTES = hashlib.sha256().digest_size
 
@@ -53,34 +54,46 @@ class Library:
 
 
 @contextmanager
-def library(source: str, folder: Path | None = None) -> Generator[Library]:
-    """Provide the shared library of a C source, from the cache or freshly compiled.
+def build(source: str, folder: Path | None = None) -> Generator[Callable[[], Library]]:
+    """Begin to provide the shared library of a C source: from the cache, or freshly compiled beside this process.
 
     Args:
         source: C source text.
         folder: Cache folder; None for the per-user one.
 
     Yields:
-        The library.
+        What waits for the library and returns it. A compiler that still runs at the end of the context is stopped.
 
     Raises:
-        CompileError: No compiler, or it failed.
+        CompileError: No compiler, or, when it is waited for, it failed.
     """
     compiler = _find_compiler()
     folder = folder or cache_folder()
-    fault = folder_fault(folder)
-    if not fault:
-        path = folder / f"{_key(source, compiler)}.so"
-        if not _is_intact(path):
-            _compile(source, compiler, path)
-        yield Library(path)
-        return
-    with tempfile.TemporaryDirectory(prefix="ik-service-") as private:
-        if second_fault := folder_fault(Path(private)):
-            raise CompileError(f"kernel cache {folder} not used: {fault}; nor {private}: {second_fault}")
-        path = Path(private) / "kernel.so"
-        _compile(source, compiler, path)
-        yield Library(path, f"kernel cache {folder} not used: {fault}")
+    with ExitStack() as stack:
+        if fault := folder_fault(folder):
+            private = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="ik-service-")))
+            if second_fault := folder_fault(private):
+                raise CompileError(f"kernel cache {folder} not used: {fault}; nor {private}: {second_fault}")
+            made = Library(private / "kernel.so", f"kernel cache {folder} not used: {fault}")
+        else:
+            made = Library(folder / f"{_key(source, compiler)}.so")
+        if not fault and _is_intact(made.path):
+            yield lambda: made
+            return
+        finish = stack.enter_context(_compiling(source, compiler, made.path))
+
+        def wait() -> Library:
+            finish()
+            return made
+
+        yield wait
+
+
+@contextmanager
+def library(source: str, folder: Path | None = None) -> Generator[Library]:
+    """Provide the shared library of a C source; as `build`, but waits for it."""
+    with build(source, folder) as wait:
+        yield wait()
 
 
 def cache_folder() -> Path:
@@ -135,22 +148,55 @@ def _is_intact(path: Path) -> bool:
     return hashlib.sha256(content[:-_DIGEST_BYTES]).digest() == content[-_DIGEST_BYTES:]
 
 
-def _compile(source: str, compiler: str, path: Path) -> None:
+@contextmanager
+def _compiling(source: str, compiler: str, path: Path) -> Generator[Callable[[], None]]:
+    """Start a compiler; what is yielded waits for it and puts the library in its place."""
     handle, name = tempfile.mkstemp(suffix=".so", prefix=".building-", dir=path.parent)
     os.close(handle)
     building = Path(name)
     try:
-        command = [compiler, *FLAGS, "-x", "c", "-", "-o", name, "-lm"]
-        subprocess.run(command, input=source.encode(), capture_output=True, timeout=COMPILE_TIMEOUT, check=True)
+        process = _start([compiler, *FLAGS, "-x", "c", "-", "-o", name, "-lm"], source)
+        try:
+            yield lambda: _finish(process, building, path)
+        finally:
+            _stop(process)
+    finally:
+        building.unlink(missing_ok=True)
+
+
+def _start(command: list[str], source: str) -> subprocess.Popen[bytes]:
+    try:
+        with tempfile.TemporaryFile() as file:
+            file.write(source.encode())
+            file.seek(0)
+            # A group of its own: the program that was started starts others, which have to end with it.
+            return subprocess.Popen(
+                command, stdin=file, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, process_group=0
+            )
+    except OSError as error:
+        raise CompileError(f"{command[0]} failed: {type(error).__name__}") from None
+
+
+def _finish(process: subprocess.Popen[bytes], building: Path, path: Path) -> None:
+    compiler = str(process.args[0])  # ty: ignore[not-subscriptable]
+    try:
+        _, errors = process.communicate(timeout=COMPILE_TIMEOUT)
+        if process.returncode:
+            lines = errors.decode(errors="replace").strip().splitlines() or ["no message"]
+            raise CompileError(f"{compiler} failed: {lines[0]}")
         content = building.read_bytes()
         if not content:
             raise CompileError(f"{compiler} wrote nothing")
         building.write_bytes(content + hashlib.sha256(content).digest())
         building.replace(path)
-    except subprocess.CalledProcessError as error:
-        lines = error.stderr.decode(errors="replace").strip().splitlines() or ["no message"]
-        raise CompileError(f"{compiler} failed: {lines[0]}") from None
     except (OSError, subprocess.SubprocessError) as error:
         raise CompileError(f"{compiler} failed: {type(error).__name__}") from None
-    finally:
-        building.unlink(missing_ok=True)
+
+
+def _stop(process: subprocess.Popen[bytes]) -> None:
+    """End a compiler and what it has started, unless it has ended by itself."""
+    if process.poll() is None:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGTERM)
+    with process:  # waits, and closes its pipe
+        pass

@@ -1,9 +1,9 @@
 """Decides who answers a request: nobody who was not admitted, the thread it came to, or the worker.
 
-A plain solve is shorter than any hand-off and is answered at once. A batch, a solve in mode `reach`, the first
-`velocity`, for which a kernel has to be loaded, and whatever comes in a body so large that reading it takes long, go to
-the worker. A newer request of a stream supersedes those of the same stream that still wait for the worker; bodies too
-large to be looked at here belong to no stream.
+A plain solve and a `velocity` are shorter than any hand-off and are answered at once. A batch, a solve in mode `reach`,
+and whatever comes in a body so large that reading it takes long, go to the worker. A newer request of a stream
+supersedes those of the same stream that still wait for the worker; bodies too large to be looked at here belong to no
+stream.
 """
 
 import contextlib
@@ -95,7 +95,7 @@ class Dispatcher:
             stream, expires = _take_envelope(document, started)
             if stream:
                 self._worker.supersede((self, stream))
-        if _takes_long(document) or (document.get("verb") == "velocity" and self._service.velocity_takes_long):
+        if _takes_long(document):
             job = partial(self._patient.handle_document, document, codec, started, expires)
             return self._later(job, codec, document, stream)
         return self._service.handle_document(document, codec, started, expires, smoothing)

@@ -9,12 +9,12 @@ from ik_proto.robots import RobotDescription, load_description
 from ik_proto.smoothing import WeightedMovingFilter
 from ik_service.config import DEFAULT_PRESET, Config, ConfigError
 from ik_service.gauge import Gauge
-from ik_service.kernel import load_kernel
+from ik_service.kernel import building_kernel
 from ik_service.preset import Preset
 from ik_service.robot import Robot
 from ik_service.solver import Solution, Solver
-from ik_service.velocity import RateControl
-from ik_service.velocity_kernel import VelocityLoader
+from ik_service.velocity import RateController
+from ik_service.velocity_kernel import building_velocity_kernel
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Engine:
     solvers: dict[str, Solver]
     gauge: Gauge
     about: InfoReply
-    rate_control: RateControl
+    rate_control: RateController
     collision: Collision = "avoid"
     kernel_note: str = ""
 
@@ -60,17 +60,21 @@ class Engine:
         robot = Robot.load(description)
         default = _default_preset(description, config.preset)
         presets = [Preset.of(description, name) for name in description.presets]
-        kernel = load_kernel(robot, compiled=config.kernel != "vm")
-        if config.kernel == "c" and kernel.kind != "c":
-            raise ConfigError(f"--kernel c is not possible here: {kernel.note}")
+        compiled = config.kernel != "vm"
+        # Where both have to be compiled, they are at the same time.
+        with building_kernel(robot, compiled) as solving, building_velocity_kernel(robot, compiled) as moving:
+            kernel, rate_kernel = solving(), moving()
+        kind, note = kernel.kind if kernel.kind == rate_kernel.kind else "vm", kernel.note or rate_kernel.note
+        if config.kernel == "c" and kind != "c":
+            raise ConfigError(f"--kernel c is not possible here: {note}")
         return cls(
             robot,
             {preset.name: Solver(robot, kernel, preset) for preset in presets},
             Gauge(robot, kernel),
-            _about(description, robot, default, kernel.kind, boot_id, version),
-            RateControl(VelocityLoader(robot, compiled=kernel.kind == "c")),
+            _about(description, robot, default, kind, boot_id, version),
+            RateController(robot, rate_kernel),
             config.collision,
-            kernel.note,
+            note,
         )
 
     def copy(self) -> "Engine":
@@ -81,15 +85,16 @@ class Engine:
             robot=robot,
             solvers={name: Solver(robot, solver.kernel, solver.preset) for name, solver in self.solvers.items()},
             gauge=self.gauge.copy(),
-            rate_control=self.rate_control.copy(),
+            rate_control=RateController(robot, self.rate_control.kernel),
         )
 
     def warm_up(self) -> None:
-        """Solve once with every preset, so that no client pays for first use."""
+        """Solve once with every preset and move once, so that no client pays for first use."""
         q = np.clip(np.zeros(self.robot.nq), self.robot.lower, self.robot.upper)
         left, right = self.robot.fk(q)
         for solver in self.solvers.values():
             solver.solve(left, right, q, collision=self.collision)
+        self.rate_control.solve(np.zeros(3), np.zeros(3), q, collision=self.collision)
 
     def smoothed(
         self, solution: Solution, request: SolveRequest, collision: Collision, smoothing: WeightedMovingFilter

@@ -1,10 +1,10 @@
 """The compiled heart of the solver: its CasADi functions, as generated C or in CasADi's virtual machine.
 
-Both forms come from the same expressions. Generated C is used only after it has agreed with the virtual machine on
-random problems at load time; where it cannot be built or does not agree, the virtual machine serves, about eight
-times slower, and `note` says why.
+See `generated`. The virtual machine is about eight times slower.
 """
 
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -14,8 +14,8 @@ import numpy as np
 
 from ik_service.arm import Arm
 from ik_service.avoidance import avoidance
-from ik_service.compiler import CompileError, library
 from ik_service.dual_arm import dual_arm
+from ik_service.generated import AGREEMENT, AGREEMENT_PROBLEMS, building
 from ik_service.layout import OFF, REPORT, REPORT_ONLY, Inputs, Layout
 from ik_service.preset import Preset
 from ik_service.problem import Problem
@@ -25,16 +25,8 @@ from ik_service.seeds import Seeds
 
 ROWS = 32
 """Problems of a batch that one call solves."""
-
-AGREEMENT_PROBLEMS = 16
-"""Random problems on which generated C and virtual machine must agree."""
-
 OUTSIDE = 0.3
 """How far beyond the limits such a problem may pull a joint [rad]."""
-
-AGREEMENT = 1e-6
-"""Largest difference of two solutions that agree [rad], of two reports, and of two torques [N m]; rounding leaves about
-1e-9."""
 
 _COMPARED = [
     REPORT.index(key) for key in REPORT if key not in ("settled_left", "settled_right", "iterations", "nearest")
@@ -62,31 +54,37 @@ class Kernel:
     note: str = ""
 
 
-def load_kernel(robot: Robot, compiled: bool = True, folder: Path | None = None) -> Kernel:
-    """Build the kernel of a robot.
+@contextmanager
+def building_kernel(robot: Robot, compiled: bool = True, folder: Path | None = None) -> Generator[Callable[[], Kernel]]:
+    """Begin to build the kernel of a robot.
 
     Args:
         robot: The robot.
         compiled: Whether to use generated C where possible.
         folder: Cache folder of compiled kernels; None for the per-user one.
 
-    Returns:
-        The kernel; never fails for want of a compiler.
+    Yields:
+        What waits for the kernel and returns it; it never fails for want of a compiler.
     """
     machine, (left, right) = functions(robot), robot.arms
     seeds = (Seeds(left), Seeds(right))
-    if not compiled:
-        return Kernel(*machine, seeds, "vm")
-    try:
-        with library(_source(machine), folder) as built:
-            generated = Functions(*(ca.external(name, str(built.path)) for name in Functions._fields))
-    except CompileError as error:
-        return Kernel(*machine, seeds, "vm", str(error))
-    except RuntimeError:  # CasADi, for a library that the dynamic loader refuses
-        return Kernel(*machine, seeds, "vm", "the compiled kernel cannot be loaded")
-    if not agree(robot, machine, generated):
-        return Kernel(*machine, seeds, "vm", "the compiled kernel computes something else than the virtual machine")
-    return Kernel(*generated, seeds, "c", built.note)
+
+    def agrees(generated: tuple[ca.Function, ...]) -> bool:
+        return agree(robot, machine, Functions(*generated))
+
+    with building("kernel", machine, agrees, compiled, folder) as finish:
+
+        def kernel() -> Kernel:
+            form = finish()
+            return Kernel(*form.functions, seeds, form.kind, form.note)
+
+        yield kernel
+
+
+def load_kernel(robot: Robot, compiled: bool = True, folder: Path | None = None) -> Kernel:
+    """Build the kernel of a robot; as `building_kernel`, but waits for it."""
+    with building_kernel(robot, compiled, folder) as kernel:
+        return kernel()
 
 
 class Functions(NamedTuple):
@@ -149,10 +147,3 @@ def agree(robot: Robot, first: Functions, second: Functions) -> bool:
             if not (inside and np.abs(answer - again).max() <= AGREEMENT and same_report):
                 return False
     return True
-
-
-def _source(machine: Functions) -> str:
-    generator = ca.CodeGenerator("kernel")
-    for function in machine:
-        generator.add(function)
-    return generator.dump()

@@ -6,6 +6,7 @@ both share, and what to do about collisions. An answer is q and torques, and a r
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import casadi as ca
 import numpy as np
@@ -37,8 +38,8 @@ left and right; iterations of both; clearance [m] and the place of the nearest p
 
 
 @dataclass(frozen=True)
-class Layout:
-    """Where things are in the vectors of a robot's kernel.
+class JointCounts:
+    """What the layout of any vectors of a robot follows from.
 
     Attributes:
         nq: Arm joints, both arms.
@@ -49,9 +50,13 @@ class Layout:
     waist: int
 
     @classmethod
-    def of(cls, robot: Robot) -> "Layout":
+    def of(cls, robot: Robot) -> Self:
         """Lay out the vectors of a robot."""
         return cls(robot.nq, len(robot.waist.joint_names))
+
+
+class Layout(JointCounts):
+    """Where things are in the vectors of a robot's kernel."""
 
     @property
     def request(self) -> int:

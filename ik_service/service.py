@@ -69,11 +69,6 @@ class Service:
         self._n_waist = len(engine.robot.waist.joint_names)
         self._slowest_motor = float(np.min(engine.about.velocity))
 
-    @property
-    def velocity_takes_long(self) -> bool:
-        """Whether answering a `velocity` begins with loading what answers it."""
-        return not self._engine.rate_control.ready
-
     def handle_bytes(self, body: bytes, codec: Codec, smoothing: WeightedMovingFilter | None = None) -> bytes:
         """Answer an encoded request. Never raises.
 
@@ -204,9 +199,8 @@ class Service:
         )
 
     def _velocity(self, request: VelocityRequest, started: float) -> VelocityReply:
-        control = self._engine.rate_control.get()
         before = self._clock()
-        found = control.solve(
+        found = self._engine.rate_control.solve(
             request.left_twist,
             request.right_twist,
             request.q,

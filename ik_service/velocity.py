@@ -20,7 +20,7 @@ from ik_proto.limits import (
 )
 from ik_service.problem import COLLISION, Collision, bind
 from ik_service.robot import Robot
-from ik_service.velocity_kernel import VelocityKernel, VelocityLoader
+from ik_service.velocity_kernel import VelocityKernel
 from ik_service.velocity_law import ARM_REPORT, FREE, REPORT, VelocityLayout, row_names
 
 WHOLE = 0.999
@@ -33,7 +33,8 @@ class Velocity:
 
     Attributes:
         dq: Joint velocities [rad/s], shape (nq,).
-        twists: What they make of the wrists in the request's frame, linear [m/s] and angular [rad/s], shape (2, 6).
+        twists: What they make of the wrists in the middle of the period, in the request's frame, linear [m/s] and
+            angular [rad/s], shape (2, 6).
         manipulability: sqrt(det(J J^T)) of the whole twist, or of its linear part where that alone counts [m^3], shape
             (2,).
         damping: Damping that was used, zero where none was needed, shape (2,).
@@ -101,7 +102,7 @@ class RateController:
         collision: Collision = "avoid",
         waist: np.ndarray | None = None,
     ) -> Velocity:
-        """Find the joint velocities of both arms.
+        """Find the joint velocities of both arms for the period to come.
 
         Args:
             left_twist: Wanted linear velocity of the left wrist [m/s] and its angular velocity [rad/s], shape (6,); of
@@ -109,7 +110,7 @@ class RateController:
             right_twist: The same of the right wrist.
             q: Joint positions [rad], shape (nq,).
             dq: Joint velocities that the arms have, as last commanded [rad/s], shape (nq,); None leaves the
-                acceleration unbounded.
+                acceleration unbounded, and takes the Jacobians at q instead of half a period later.
             frame: "pelvis", or "hand" for twists along the axes of each hand.
             law: "adaptive" or "fixed".
             hold: Whether the orientation of each hand is controlled; else it is left free. The fixed law leaves it
@@ -186,30 +187,6 @@ class RateController:
             return kind, joint
         half = self._halves[i]
         return "speed", self._robot.joint_names[half.start + int(np.argmax(np.abs(dq[half])))]
-
-
-class RateControl:
-    """A controller that is made when it is first asked, since few services are; each thread needs its own."""
-
-    def __init__(self, loader: VelocityLoader) -> None:
-        """Keep what loads the kernel; other threads may share it."""
-        self._loader = loader
-        self._controller: RateController | None = None
-
-    @property
-    def ready(self) -> bool:
-        """Whether the kernel is loaded; loading takes seconds where it has to be compiled, else some tenths of one."""
-        return self._loader.loaded
-
-    def get(self) -> RateController:
-        """Return the controller, after loading the kernel if need be."""
-        if self._controller is None:
-            self._controller = RateController(self._loader.robot, self._loader.kernel())
-        return self._controller
-
-    def copy(self) -> "RateControl":
-        """Make one for another thread."""
-        return RateControl(self._loader)
 
 
 def _vector(parts: dict[str, slice]) -> tuple[np.ndarray, dict[str, np.ndarray]]:

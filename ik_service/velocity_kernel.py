@@ -1,6 +1,7 @@
-"""The compiled form of the rate control, made, checked and cached as the solver's kernel is."""
+"""The compiled form of the rate control, made, checked and cached as the solver's kernel is: see `generated`."""
 
-import threading
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -8,16 +9,10 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
-from ik_service.compiler import CompileError, library
+from ik_service.generated import AGREEMENT, AGREEMENT_PROBLEMS, building
 from ik_service.layout import AVOID, REPORT_ONLY
 from ik_service.robot import Robot
 from ik_service.velocity_law import FREE, REPORT, VelocityLayout, velocity_law
-
-AGREEMENT_PROBLEMS = 16
-"""Random problems on which generated C and virtual machine must agree."""
-
-AGREEMENT = 1e-6
-"""Largest difference of two answers that agree [rad/s, m/s]."""
 
 _COMPARED = [i for i, key in enumerate(REPORT) if key.startswith(("manipulability", "damping", "clearance"))]
 """Scales and places are left out: of an arm that hardly moves rounding decides them."""
@@ -38,61 +33,29 @@ class VelocityKernel:
     note: str = ""
 
 
-def load_velocity_kernel(robot: Robot, compiled: bool = True, folder: Path | None = None) -> VelocityKernel:
-    """Build the rate control of a robot.
-
-    Args:
-        robot: The robot.
-        compiled: Whether to use generated C where possible.
-        folder: Cache folder of compiled kernels; None for the per-user one.
-
-    Returns:
-        The kernel; never fails for want of a compiler.
-    """
+@contextmanager
+def building_velocity_kernel(
+    robot: Robot, compiled: bool = True, folder: Path | None = None
+) -> Generator[Callable[[], VelocityKernel]]:
+    """Begin to build the rate control of a robot; takes and yields what `kernel.building_kernel` does."""
     machine = velocity_law(robot)
-    if not compiled:
-        return VelocityKernel(machine, "vm")
-    generator = ca.CodeGenerator("velocity_kernel")
-    generator.add(machine)
-    try:
-        with library(generator.dump(), folder) as built:
-            generated = ca.external(machine.name(), str(built.path))
-    except CompileError as error:
-        return VelocityKernel(machine, "vm", str(error))
-    except RuntimeError:  # CasADi, for a library that the dynamic loader refuses
-        return VelocityKernel(machine, "vm", "the compiled rate control cannot be loaded")
-    if not agree(robot, machine, generated):
-        return VelocityKernel(
-            machine, "vm", "the compiled rate control computes something else than the virtual machine"
-        )
-    return VelocityKernel(generated, "c", built.note)
+
+    def agrees(generated: tuple[ca.Function, ...]) -> bool:
+        return agree(robot, machine, *generated)
+
+    with building("rate control", [machine], agrees, compiled, folder) as finish:
+
+        def kernel() -> VelocityKernel:
+            form = finish()
+            return VelocityKernel(*form.functions, form.kind, form.note)
+
+        yield kernel
 
 
-class VelocityLoader:
-    """Loads the kernel once, for whichever thread asks first.
-
-    Attributes:
-        robot: The robot.
-    """
-
-    def __init__(self, robot: Robot, compiled: bool = True, folder: Path | None = None) -> None:
-        """Take what `load_velocity_kernel` takes."""
-        self.robot = robot
-        self._compiled, self._folder = compiled, folder
-        self._lock = threading.Lock()
-        self._kernel: VelocityKernel | None = None
-
-    @property
-    def loaded(self) -> bool:
-        """Whether `kernel` returns at once."""
-        return self._kernel is not None
-
-    def kernel(self) -> VelocityKernel:
-        """Return the kernel, after loading it if need be."""
-        with self._lock:
-            if self._kernel is None:
-                self._kernel = load_velocity_kernel(self.robot, self._compiled, self._folder)
-            return self._kernel
+def load_velocity_kernel(robot: Robot, compiled: bool = True, folder: Path | None = None) -> VelocityKernel:
+    """Build the rate control of a robot; as `building_velocity_kernel`, but waits for it."""
+    with building_velocity_kernel(robot, compiled, folder) as kernel:
+        return kernel()
 
 
 def agree(robot: Robot, first: ca.Function, second: ca.Function) -> bool:

@@ -6,10 +6,6 @@ Each arm's twists come to joint velocities by `resolved_rate`. Of those the fart
 bound too fast (`dampers`): joint limits, the box for the wrist, singular postures, the body. Where that is less than
 what was asked for, the whole arm slows down uniformly, so the hand keeps its direction. A motion along the free
 direction helps first.
-
-Then the arm turns from its present velocity to that motion, no faster than the largest acceleration allows, and what
-this leaves of the present velocity is held back once more where a bound is near. Last, both arms are slowed where they
-approach each other.
 """
 
 from collections.abc import Sequence
@@ -22,11 +18,11 @@ import numpy as np
 from ik_proto import LimitedBy
 from ik_service.chains import ArmChain
 from ik_service.dampers import ROUNDING, Farthest, damper, farthest, held_back
-from ik_service.layout import AVOID, OFF, mount
+from ik_service.layout import AVOID, OFF, JointCounts, mount
 from ik_service.newton import when
 from ik_service.pair_rows import MOTIONS, pair_rows
 from ik_service.proximity import Proximity
-from ik_service.resolved_rate import SETTINGS, Resolved, resolved_rate
+from ik_service.resolved_rate import SETTINGS, Resolved, q_ahead, resolved_rate
 from ik_service.robot import Robot
 
 FREE = 1e6
@@ -59,22 +55,8 @@ REPORT = (*(f"{key}_{side}" for side in ("left", "right") for key in ARM_REPORT)
 """Then clearance [m] and place of the nearest pair of capsules, and the place of the pair that slows both arms."""
 
 
-@dataclass(frozen=True)
-class VelocityLayout:
-    """Where things are in the vectors.
-
-    Attributes:
-        nq: Arm joints, both arms.
-        waist: Waist joints.
-    """
-
-    nq: int
-    waist: int
-
-    @classmethod
-    def of(cls, robot: Robot) -> "VelocityLayout":
-        """Lay out the vectors of a robot."""
-        return cls(robot.nq, len(robot.waist.joint_names))
+class VelocityLayout(JointCounts):
+    """Where things are in the vectors of the rate control."""
 
     @property
     def request(self) -> dict[str, slice]:
@@ -128,9 +110,8 @@ def velocity_law(robot: Robot) -> ca.Function:
     for i, (arm, half) in enumerate(zip(robot.arms, halves, strict=True)):
         settings = [given[key] if key != "held" else given["held"][i] for key in SETTINGS]
         twist = given["twists"][6 * i : 6 * i + 6]
-        fields = resolved_rate(arm, robot.waist)(
-            given["q"][half], twist, ca.vertcat(*settings), given["posture"][half], R, p
-        )
+        q = q_ahead(arm)(given["q"][half], given["dq"][half], given["period"], given["held"][i], given["fixed"])
+        fields = resolved_rate(arm, robot.waist)(q, twist, ca.vertcat(*settings), given["posture"][half], R, p)
         resolved.append(Resolved(*fields))
     body = _Body.of(robot, given["q"], base_ends, given["collision"])
     motions = ca.horzcat(

@@ -5,7 +5,6 @@ MuJoCo is imported after the arguments are read, so that `--help` and mistakes a
 
 import argparse
 import signal
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -59,10 +58,11 @@ def run_command(name: str, extras: tuple[str, ...], command: Callable[[], object
     Returns:
         The exit code.
     """
+    from ik_client.command import fail
+
     fault = missing_extra(*extras)
     if fault:
-        print(f"{name}: {fault}", file=sys.stderr)
-        return EXIT_USAGE
+        return fail(name, fault)
     from ik_client import IKError
     from sim_client.service_process import ServiceFailed
 
@@ -73,8 +73,7 @@ def run_command(name: str, extras: tuple[str, ...], command: Callable[[], object
         return EXIT_OK
     # The errors of settings, paths, robots and motion files are ValueErrors of one line each.
     except (ValueError, IKError, ServiceFailed, OSError) as error:
-        print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr)
-        return EXIT_USAGE
+        return fail(name, str(error))
     return EXIT_OK
 
 

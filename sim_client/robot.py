@@ -16,7 +16,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from ik_client import Command, RobotState
+from ik_client import Command, RobotState, WristMotion
 from ik_client.robot_end import EndState, Reception, RobotGuard
 from ik_client.robot_end.guard import RAMP
 from ik_proto import Array
@@ -27,6 +27,9 @@ from sim_client.scene import PHYSICS_PERIOD, TARGET_BODIES, build_scene
 STEPS_PER_TICK = 4
 CONTROL_PERIOD = STEPS_PER_TICK * PHYSICS_PERIOD
 """Time between two commands [s]."""
+
+MOTION_LASTS = 0.3
+"""How long what a command says of the wrists' motion is of interest [s]."""
 
 
 class SimRobot:
@@ -77,6 +80,7 @@ class SimRobot:
         self._sites = (self.model.site(left).id, self.model.site(right).id)
         self._mocap = tuple(int(self.model.body(name).mocapid[0]) for name in TARGET_BODIES)
         self._commanded = False
+        self._motion: tuple[WristMotion | None, float] = (None, -np.inf)
         lower, upper = _ranges([joints[i] for i in self._arms])
         self.guard = RobotGuard(len(self._arms), CONTROL_PERIOD, lower=lower, upper=upper, ramp=ramp)
         self.data.qpos[self._q_address] = self._q_wanted
@@ -117,8 +121,16 @@ class SimRobot:
             What became of it.
         """
         reception = self.guard.offer(command, arrived)
-        self._commanded |= reception is Reception.ACCEPTED
+        if reception is Reception.ACCEPTED:
+            self._commanded = True
+            self._motion = command.motion, arrived
         return reception
+
+    @property
+    def motion(self) -> WristMotion | None:
+        """What the latest command says of the wrists' motion; None where it says nothing, or is old."""
+        motion, arrived = self._motion
+        return motion if 0.0 <= self._clock() - arrived <= MOTION_LASTS else None
 
     def release(self) -> None:
         """Give the arms back for good, because the program ends; `advance` until the guard's weight is 0."""

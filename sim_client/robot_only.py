@@ -23,13 +23,12 @@ from ik_proto.host_port import HostPort
 from ik_proto.robot_link import Welcome
 from ik_proto.robots import load_description
 from sim_client.eye_supervisor import EyeSupervisor
+from sim_client.motion_window import MotionWindow
 from sim_client.render import has_eyes
 from sim_client.robot import CONTROL_PERIOD, SimRobot
 from sim_client.robot_runner import RobotRunner
 from sim_client.settings import SettingsError
 from sim_client.window import display_fault
-
-_TICKS_PER_FRAME = 2
 
 
 @dataclass(frozen=True)
@@ -130,8 +129,12 @@ def run_robot(settings: RobotSettings, console: Console, messages: Console) -> N
                 eyes.show(now, robot.data.qpos)
 
         runner = RobotRunner(robot, link, say, moved=moved)
-        is_open, shown = _window(settings, robot, say)
-        runner.run(lambda: not stop.asked and is_open(), settings.duration, shown)
+        window = _window(settings, robot, say)
+        if window is None:
+            runner.run(lambda: not stop.asked, settings.duration)
+        else:
+            stack.callback(window.close)
+            runner.run(lambda: not stop.asked and window.is_open(), settings.duration, window.show)
         if not robot.released:
             say("giving the arms back")
         released = runner.release(RAMP)
@@ -194,22 +197,11 @@ def _tls(settings: RobotSettings) -> ssl.SSLContext | None:
     return context
 
 
-def _window(
-    settings: RobotSettings, robot: SimRobot, say: Callable[[str], None]
-) -> tuple[Callable[[], bool], Callable[[], None]]:
-    """Whether the window is open, and what shows a tick in it; for ever, and nothing, without one."""
+def _window(settings: RobotSettings, robot: SimRobot, say: Callable[[str], None]) -> MotionWindow | None:
+    """Open the window; None without one."""
     fault = "" if settings.headless else display_fault()
     if settings.headless or fault:
         if fault:
             say(f"{fault}; running headless")
-        return (lambda: True), (lambda: None)
-    import mujoco.viewer
-
-    viewer = mujoco.viewer.launch_passive(robot.model, robot.data, show_left_ui=False, show_right_ui=False)
-
-    def show() -> None:
-        if robot.ticks % _TICKS_PER_FRAME == 0:
-            robot.show_targets(*robot.wrists())  # There are no targets here: let them hide the wrists' own marks.
-            viewer.sync()
-
-    return viewer.is_running, show
+        return None
+    return MotionWindow(robot)

@@ -16,7 +16,9 @@ from sim_client.robot import SimRobot
 from sim_client.trace import Tick, Trace
 from sim_client.trails import draw_trails
 
-_TICKS_PER_FRAME = 2
+TICKS_PER_FRAME = 2
+"""Control ticks from one picture to the next."""
+
 _TRAIL_TICKS = 60
 _TRIAL = "import glfw, sys; sys.exit(0 if glfw.init() else 1)"
 _TRIAL_LIMIT = 20.0
@@ -37,38 +39,52 @@ def display_fault() -> str | None:
     return None if trial.returncode == 0 else "the display cannot be opened, so no window"
 
 
-class Window:
+class Viewer:
+    """MuJoCo's viewer, open on a robot.
+
+    Attributes:
+        handle: What MuJoCo gives to draw in it.
+    """
+
+    def __init__(self, robot: SimRobot) -> None:
+        """Open it, looking at the robot from its front left."""
+        others = set(threading.enumerate())
+        self.handle = mujoco.viewer.launch_passive(robot.model, robot.data, show_left_ui=False, show_right_ui=False)
+        self._threads = set(threading.enumerate()) - others
+        base = robot.model.body(robot.description.base).id
+        with self.handle.lock():
+            camera = self.handle.cam
+            camera.lookat[:] = body_pose(robot.data, base)[:3, 3] + [0.1, 0.0, 0.15]
+            camera.distance, camera.azimuth, camera.elevation = 1.8, 146.0, -14.0
+
+    def is_open(self) -> bool:
+        """Whether the person has not closed it."""
+        return self.handle.is_running()
+
+    def close(self) -> None:
+        """Close it, and wait until its thread has drawn for the last time: at exit its library is taken down."""
+        self.handle.close()
+        for thread in self._threads:
+            thread.join(_CLOSE_LIMIT)
+
+
+class Window(Viewer):
     """Observer that shows the robot while it runs."""
 
     def __init__(self, robot: SimRobot) -> None:
         """Open the window on a robot."""
+        super().__init__(robot)
         self._robot = robot
         self._base = robot.model.body(robot.description.base).id
         self._recent = Trace(_TRAIL_TICKS)
-        others = set(threading.enumerate())
-        self._viewer = mujoco.viewer.launch_passive(robot.model, robot.data, show_left_ui=False, show_right_ui=False)
-        self._threads = set(threading.enumerate()) - others
-        with self._viewer.lock():
-            self._viewer.cam.lookat[:] = body_pose(robot.data, self._base)[:3, 3] + [0.1, 0.0, 0.15]
-            self._viewer.cam.distance, self._viewer.cam.azimuth, self._viewer.cam.elevation = 1.8, 146.0, -14.0
-
-    def is_open(self) -> bool:
-        """Whether the person has not closed it."""
-        return self._viewer.is_running()
 
     def observe(self, tick: Tick) -> None:
         """Show a tick, and take over what was dragged."""
         self._recent.observe(tick)
-        if tick.index % _TICKS_PER_FRAME or not self.is_open():
+        if tick.index % TICKS_PER_FRAME or not self.is_open():
             return
-        scene = self._viewer.user_scn
-        with self._viewer.lock():
+        scene = self.handle.user_scn
+        with self.handle.lock():
             scene.ngeom = 0
             draw_trails(scene, list(self._recent), body_pose(self._robot.data, self._base))
-        self._viewer.sync()
-
-    def close(self) -> None:
-        """Close it, and wait until its thread has drawn for the last time: at exit its library is taken down."""
-        self._viewer.close()
-        for thread in self._threads:
-            thread.join(_CLOSE_LIMIT)
+        self.handle.sync()

@@ -106,32 +106,25 @@ StartService = Callable[..., ServiceProcess]
 
 @pytest.fixture(scope="session")
 def kernel_cache(run_folder: Path) -> Path:
-    """Folder with the compiled kernel of the G1, built by whichever process of this run asks first."""
+    """Folder with the compiled kernels of the G1, built by whichever process of this run asks first."""
     # Imported here: a test of the contract or the client alone need not wait for the solver's libraries.
     from ik_proto.robots import load_description
-    from ik_service.kernel import load_kernel
+    from ik_service.kernel import building_kernel
     from ik_service.robot import Robot
+    from ik_service.velocity_kernel import building_velocity_kernel
 
     folder = run_folder / "kernels"
     folder.mkdir(mode=0o700, exist_ok=True)
     with (run_folder / "kernels.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not any(folder.iterdir()):
-            load_kernel(Robot.load(load_description("g1")), folder=folder)
+            robot = Robot.load(load_description("g1"))
+            with (
+                building_kernel(robot, folder=folder) as solving,
+                building_velocity_kernel(robot, folder=folder) as moving,
+            ):
+                solving(), moving()
     return folder
-
-
-@pytest.fixture(scope="session")
-def velocity_kernel_cache(kernel_cache: Path, run_folder: Path) -> Path:
-    """The same folder, with the compiled rate control of the G1 in it as well."""
-    from ik_proto.robots import load_description
-    from ik_service.robot import Robot
-    from ik_service.velocity_kernel import load_velocity_kernel
-
-    with (run_folder / "velocity.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        load_velocity_kernel(Robot.load(load_description("g1")), folder=kernel_cache)
-    return kernel_cache
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,10 @@
-"""Courses that lead an arm into trouble and back: each a start, a command over time, and what surrounds it."""
+"""Courses that lead an arm into trouble and back: each a start, a command over time, and what surrounds it.
+
+Every course is there for the left and for the right arm.
+"""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,22 +20,26 @@ ANYWHERE = "anywhere"
 """Kind of the courses that begin in random postures."""
 
 MIRROR = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
-"""A twist of the left hand to that of the right one that mirrors it."""
+"""A twist of a hand to that of the other one that mirrors it."""
+
+MIRROR_JOINTS = np.array([1.0, -1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+"""Joints of an arm to those of the other one that mirrors it."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """One sweep of the left arm: there, and back.
+    """One sweep of an arm: there, and back.
 
     Attributes:
         kind: What it leads into.
         name: Its name.
         start: Joint positions at the start [rad].
-        twist: What is asked of the left hand on the way there [m/s, rad/s]; on the way back, its opposite.
+        twist: What is asked of the hand on the way there [m/s, rad/s]; on the way back, its opposite.
         there: Time until the command turns about [s].
         back: Time after that [s].
-        mirrored: Whether the right hand mirrors the left one; else it stands still.
+        mirrored: Whether the other hand mirrors it; else it stands still.
         options: Options of the controller.
+        arm: 0 for the left arm, 1 for the right.
     """
 
     kind: str
@@ -43,6 +50,7 @@ class Course:
     back: float = 2.0
     mirrored: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
+    arm: int = 0
 
 
 def courses(robot: Robot, random: int) -> Iterator[Course]:
@@ -52,12 +60,22 @@ def courses(robot: Robot, random: int) -> Iterator[Course]:
         robot: The G1.
         random: How many random ones.
     """
-    yield from _straight_elbow()
-    yield from _over_the_shoulder()
-    yield from _joint_limits(robot)
-    yield from _box(robot)
-    yield from _into_the_body()
+    for course in (*_straight_elbow(), *_over_the_shoulder(), *_box(robot), *_into_the_body()):
+        yield course
+        yield _of_the_right_arm(course)
+    for arm in (0, 1):
+        yield from _joint_limits(robot, arm)
     yield from _anywhere(robot, random)
+
+
+def _of_the_right_arm(course: Course) -> Course:
+    """A course of the left arm, mirrored."""
+    left, right = np.split(course.start, 2)
+    options = dict(course.options)
+    if (box := options.pop("left_bounds", None)) is not None:
+        options["right_bounds"] = np.sort(box * MIRROR[:3], axis=0)
+    start = np.concatenate((right * MIRROR_JOINTS, left * MIRROR_JOINTS))
+    return replace(course, arm=1, start=start, twist=course.twist * MIRROR, options=options)
 
 
 def _straight_elbow() -> Iterator[Course]:
@@ -74,18 +92,18 @@ def _over_the_shoulder() -> Iterator[Course]:
             yield Course("shoulder", f"{name} at {roll}", start, _linear(way), options={"collision": "off"})
 
 
-def _joint_limits(robot: Robot) -> Iterator[Course]:
+def _joint_limits(robot: Robot, arm: int) -> Iterator[Course]:
     """The twist that the joint alone would make of the hand."""
-    for joint, name in enumerate(robot.arms[0].joint_names):
+    for joint, name in enumerate(robot.arms[arm].joint_names, start=7 * arm):
         for side, end in (("lower", robot.lower[joint]), ("upper", robot.upper[joint])):
             start = HOME.copy()
             start[joint] = end - 0.4 * np.sign(end)
             step = np.zeros(robot.nq)
             step[joint] = 1e-6 * np.sign(end)
-            here, there = robot.fk(start)[0], robot.fk(start + step)[0]
+            here, there = robot.fk(start)[arm], robot.fk(start + step)[arm]
             turn = pin.log3(there[:3, :3] @ here[:3, :3].T)
             twist = 0.5e6 * np.array([*(there - here)[:3, 3], *turn])
-            yield Course("joint limit", f"{name} {side}", start, twist, options={"collision": "off"})
+            yield Course("joint limit", f"{name} {side}", start, twist, options={"collision": "off"}, arm=arm)
 
 
 def _box(robot: Robot) -> Iterator[Course]:
@@ -108,7 +126,7 @@ def _anywhere(robot: Robot, count: int) -> Iterator[Course]:
     rng = np.random.default_rng(7)
     for k in range(count):
         start = rng.uniform(0.95 * robot.lower, 0.95 * robot.upper)
-        yield Course(ANYWHERE, str(k), start, _linear(rng.normal(size=3)), options={"collision": "off"})
+        yield Course(ANYWHERE, str(k), start, _linear(rng.normal(size=3)), options={"collision": "off"}, arm=k % 2)
 
 
 def _linear(way: Any) -> np.ndarray:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.sweeps.courses import MIRROR, Course
+from benchmarks.sweeps.courses import MIRROR, SPEED, Course
 from ik_proto.limits import DEFAULT_ACCELERATION
 from ik_service.robot import Robot
 from ik_service.velocity import RateController
@@ -26,7 +26,7 @@ MOVING = 0.02
 
 @dataclass(frozen=True)
 class Driven:
-    """What the left arm did on a course.
+    """What the arm did on a course.
 
     Attributes:
         speed: Fastest joint [rad/s].
@@ -38,6 +38,7 @@ class Driven:
         returned: How far it went on the way back [m].
         room: Smallest distance of a joint to its limits [rad].
         clearance: Smallest clearance [m].
+        end: Joint positions at the end [rad].
         trace: Time [s], asked and achieved speed along the command with rotations as at 0.3 m [m/s], manipulability
             [m^3], fastest joint [rad/s].
     """
@@ -50,6 +51,7 @@ class Driven:
     returned: float
     room: float
     clearance: float
+    end: np.ndarray
     trace: list[list[float]]
 
     @property
@@ -79,20 +81,21 @@ def drive(robot: Robot, control: RateController, course: Course) -> Driven:
     Returns:
         What the arm did.
     """
-    q, dq = course.start.copy(), np.zeros(robot.nq)
+    q, dq, arm = course.start.copy(), np.zeros(robot.nq), course.arm
+    half = slice(7 * arm, 7 * arm + 7)
     velocities, trace, deviations, clearances, rooms = [np.zeros(7)], [], [0.0], [], []
-    n = robot.arms[0].n
     gone = returned = 0.0
     for k in range(round((course.there + course.back) / PERIOD)):
         t = k * PERIOD
         going = t < course.there
         twist = course.twist if going else -course.twist
-        other = twist * MIRROR if course.mirrored else np.zeros(6)
-        answer = control.solve(twist, other, q, dq, period=PERIOD, **course.options)
-        achieved, asked = answer.twists[0], float(np.linalg.norm(twist[:3]))
+        twists = [twist * MIRROR if course.mirrored else np.zeros(6)] * 2
+        twists[arm] = twist
+        answer = control.solve(*twists, q, dq, period=PERIOD, **course.options)
+        achieved, asked = answer.twists[arm], float(np.linalg.norm(twist[:3]))
         along = float(_scaled(achieved) @ _scaled(twist) / np.linalg.norm(_scaled(twist)))
         settled = t - (0.0 if going else course.there) >= SETTLING
-        turning = float(np.abs(answer.dq - dq).max()) > TURNING * DEFAULT_ACCELERATION * PERIOD
+        turning = float(np.abs(answer.dq - dq)[half].max()) > TURNING * DEFAULT_ACCELERATION * PERIOD
         if settled and not turning and np.linalg.norm(achieved[:3]) > STOPPED and asked > STOPPED:
             deviations.append(_angle(achieved[:3], twist[:3]))
         if going:
@@ -100,13 +103,13 @@ def drive(robot: Robot, control: RateController, course: Course) -> Driven:
         else:
             returned += PERIOD * along
         dq = answer.dq
-        velocities.append(dq[:n].copy())
+        velocities.append(dq[half].copy())
         q = q + PERIOD * dq
-        rooms.append(float(np.minimum(robot.upper - q, q - robot.lower)[:n].min()))
+        rooms.append(float(np.minimum(robot.upper - q, q - robot.lower)[half].min()))
         clearances.append(answer.clearance)
         sign, pace = 1.0 if going else -1.0, float(np.linalg.norm(_scaled(twist)))
-        fastest = float(np.abs(dq[:n]).max())
-        trace.append([t, sign * pace, sign * along, float(answer.manipulability[0]), fastest])
+        fastest = float(np.abs(dq[half]).max())
+        trace.append([t, sign * pace, sign * along, float(answer.manipulability[arm]), fastest])
     moved = np.array(velocities)
     return Driven(
         speed=float(np.abs(moved).max()),
@@ -117,8 +120,33 @@ def drive(robot: Robot, control: RateController, course: Course) -> Driven:
         returned=returned,
         room=min(rooms),
         clearance=min(clearances),
+        end=q,
         trace=trace,
     )
+
+
+def ways_out(robot: Robot, control: RateController, q: np.ndarray, arm: int, held: bool) -> int:
+    """In how many of 26 directions a hand gets away from a posture, by more than `STOPPED` in two seconds [m].
+
+    Args:
+        robot: The robot.
+        control: Answers.
+        q: The posture [rad].
+        arm: 0 for the left arm, 1 for the right.
+        held: Whether the orientation is held.
+    """
+    begin, count = robot.fk(q)[arm][:3, 3], 0
+    for place in np.ndindex(3, 3, 3):
+        way = np.array(place) - 1.0
+        if not way.any():
+            continue
+        twists, now, dq = np.zeros((2, 3)), q.copy(), np.zeros(robot.nq)
+        twists[arm] = SPEED * way / np.linalg.norm(way)
+        for _ in range(round(2.0 / PERIOD)):
+            dq = control.solve(*twists, now, dq, period=PERIOD, collision="off", hold=(held, held)).dq
+            now = now + PERIOD * dq
+        count += bool(np.linalg.norm(robot.fk(now)[arm][:3, 3] - begin) > STOPPED)
+    return count
 
 
 def _turns(speeds: np.ndarray) -> int:

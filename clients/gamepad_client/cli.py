@@ -7,9 +7,10 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from ik_client.access_options import AccessFiles, add_access_options
-from ik_client.command import run_command
+from ik_client.command import KeepGoing, run_command
 
 _PACKAGES = ("pygame", "rich", "hdrh", "ruckig")
 _ACCESS = ("token_file", "ca", "cert", "key", "zenoh_config")
@@ -60,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return run_command("ik-gamepad", "gamepad", _PACKAGES, lambda keep_going: _run(options, keep_going))
 
 
-def _run(options: dict, keep_going) -> None:
+def _run(options: dict[str, Any], keep_going: KeepGoing) -> None:
     if options.pop("list", False):
         from gamepad_client.listing import list_pads
 

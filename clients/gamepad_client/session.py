@@ -41,8 +41,8 @@ _LOOK_FOR_PAD = 1.0
 """How long to look for a pad at the beginning [s]."""
 
 _LIMITS = MotionLimits(velocity=3.0, acceleration=20.0, jerk=10_000.0)
-"""Of the loop. The service's answers keep half of the acceleration, so they pass exactly, and the hand keeps its
-direction; what it knows nothing of, an answer that does not come, is braked at full."""
+"""Of the loop. The service's answers keep less acceleration, so they pass exactly and the hand keeps its path; where
+none comes, the arms brake at all of it. The jerk bounds how they are brought to where the robot's end holds them."""
 
 _INSET = 0.001
 """How far within its limits a joint is kept [rad]: as the robot's own end does. The service slows down before that."""

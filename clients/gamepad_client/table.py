@@ -59,7 +59,7 @@ def render(status: Status) -> Group:
     table = Table(box=None, padding=(0, 2, 0, 0))
     columns = ("", "asked x y z [m/s]", "comes of it", "turn [rad/s]", "manipulability", "slowed by")
     for name in columns:
-        table.add_column(name, justify="left", header_style="dim", no_wrap=True)
+        table.add_column(Text(name), justify="left", header_style="dim", no_wrap=True)
     for side, hand in zip(SIDES, status.hands, strict=True):
         achieved = "" if hand.achieved is None else _numbers(hand.achieved[:3])
         table.add_row(side, _numbers(hand.asked[:3]), achieved, _numbers(hand.asked[3:]), _bar(hand), hand.limit)

@@ -61,7 +61,8 @@ class ClearWay:
         limit = partial(self._limiter.limit, q_last, dt=dt)
         tries = [partial(limit, q_wanted, haste=haste)]
         tries += [partial(limit, q_wanted, haste=slower * haste * share) for slower in _SLOWER]
-        return self._first_safe(q_last, [*tries, self._brake(q_last, dt)], haste, waist)
+        tries.append(partial(limit, np.full(len(q_last), np.nan)))
+        return self._first_safe(q_last, tries, haste, waist)
 
     def move(self, q_last: Array, velocity: Array, dt: float | None, waist: Array | None) -> Array:
         """Move from the last command at wanted velocities; where that is not safe, slower in the same direction.
@@ -79,12 +80,9 @@ class ClearWay:
             Exception: The clearance cannot be told. The limiter is as it was before.
         """
         haste = min(1.0, 2.0 * self._haste)
-        paces = [haste, *(slower * haste for slower in _SLOWER)]
+        paces = [haste, *(slower * haste for slower in _SLOWER), 0.0]
         tries = [partial(self._limiter.move, q_last, pace * velocity, dt) for pace in paces]
-        return self._first_safe(q_last, [*tries, self._brake(q_last, dt)], haste, waist)
-
-    def _brake(self, q_last: Array, dt: float | None) -> Callable[[], Array]:
-        return partial(self._limiter.limit, q_last, np.full(len(q_last), np.nan), dt)
+        return self._first_safe(q_last, tries, haste, waist)
 
     def _first_safe(
         self, q_last: Array, steps: Sequence[Callable[[], Array]], haste: float, waist: Array | None

@@ -356,21 +356,20 @@ class IKClient:
     ) -> VelocityReply:
         """Find the joint velocities that give both wrists their twists, as far as nothing limits them.
 
-        The very first call may time out: the service loads what answers it, and goes on meanwhile.
-
         Args:
             left_twist: Linear [m/s] and angular velocity [rad/s] of the left wrist, shape (6,); shape (3,) for the
                 linear velocity with no rotation wanted.
             right_twist: The same of the right wrist.
-            q: Joint positions, shape (n,) [rad].
-            dq: Joint velocities as last commanded, shape (n,) [rad/s]; without them the acceleration is not bounded.
+            q: Joint positions as last commanded, shape (n,) [rad].
+            dq: Joint velocities as last commanded, shape (n,) [rad/s]; without them the acceleration is not bounded,
+                and the hand drifts off its path where it goes on for long.
             frame: "pelvis", or "hand" for twists along the axes of each hand.
             law: "adaptive", or "fixed" for the damped pseudoinverse with the orientation left free.
             hold: Whether the orientation of the left and of the right hand is controlled; else it is left free.
             damping: Of the fixed law, and the largest of the adaptive one.
             max_speed: Largest speed of a joint [rad/s].
             max_acceleration: Largest change of a joint's speed [rad/s^2].
-            period: Time until the next call [s].
+            period: Time until the next call [s]; the answer is right for its middle.
             posture: Joint positions to lean towards where the hands leave the choice, shape (n,) [rad].
             posture_gain: Share of the way there that is made in a second [1/s].
             left_bounds: Smallest and largest coordinates of the left wrist in the pelvis frame, shape (2, 3) [m].

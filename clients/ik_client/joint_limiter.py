@@ -198,12 +198,15 @@ class JointLimiter:
         return self._q.copy()
 
     def move(self, q_last: Array, velocity: Array, dt: float | None = None) -> Array:
-        """Move from the last command at wanted velocities, taken up and given up within the bounds.
+        """Move from the last command at wanted velocities, each kept for a whole tick.
+
+        What is wanted is taken exactly where it keeps the bounds of velocity and acceleration, as differences of
+        commands: so joints that are led together stay together. Jerk is as it is wanted.
 
         Args:
             q_last: Last command, as in `limit`.
-            velocity: How the joints shall move, shape (n,) [rad/s]; one without a finite velocity brakes and holds, and
-                so does one that could not stop before its limit.
+            velocity: How the joints shall move, shape (n,) [rad/s]; one without a finite velocity brakes and holds. One
+                that nears its limit is slowed so that it can stop there.
             dt: Time since the last command, as in `limit` [s].
 
         Returns:
@@ -213,13 +216,16 @@ class JointLimiter:
             ValueError: The last command is not n finite numbers.
         """
         self._begin(q_last)
-        self._haste = 1.0
+        step, most = interval(dt, self.period), self._acceleration_limit
+        wanted = np.where(np.isfinite(velocity), velocity, 0.0)
+        wanted = np.clip(wanted, -self._velocity_limit, self._velocity_limit)
+        above = _stoppable(self._upper - self._q, most, step)
+        below = _stoppable(self._q - self._lower, most, step)
+        wanted = np.maximum(np.minimum(wanted, above), -below)
+        # The acceleration last: a joint that begins beyond its limit is not thrown back.
+        v = np.clip(wanted, self._velocity - most * step, self._velocity + most * step)
+        self.resume(self._q + v * step, v, np.zeros(len(v)))
         self._moving_goal.forget()
-        step = interval(dt, self.period)
-        most = _MEETABLE * self._velocity_limit
-        wanted = np.clip(np.where(np.isfinite(velocity), velocity, 0.0), -most, most)
-        if not (self._take_up(wanted, step) or self._go_on(step)):
-            self._brake(step)
         return self._q.copy()
 
     def resume(self, q: Array, velocity: Array, acceleration: Array) -> None:
@@ -271,22 +277,6 @@ class JointLimiter:
         if not self._compute(goal, still, brakes):
             return False
         self._take(*self._at(self._spare, step, still), step, ends_at_rest=True)
-        return True
-
-    def _take_up(self, wanted: Array, step: float) -> bool:
-        """Take a step towards the wanted velocities; False where there is no plan for it."""
-        every = np.ones(len(wanted), dtype=bool)
-        for _ in range(2):  # Again without those that would run into their limits.
-            if not self._compute(self._q, wanted, every):
-                return False
-            q, velocity, acceleration = self._at(self._spare, step, wanted)
-            low, high = stopping_points(q, velocity, acceleration, self._acceleration_limit, self._jerk_limit)
-            rises, sinks = (velocity > 0.0) & (wanted > 0.0), (velocity < 0.0) & (wanted < 0.0)
-            runs = (rises & (high > self._upper)) | (sinks & (low < self._lower))
-            if not runs.any():
-                break
-            wanted = np.where(runs, 0.0, wanted)
-        self._take(q, velocity, acceleration, step, ends_at_rest=not wanted.any())
         return True
 
     def _go_on(self, step: float) -> bool:
@@ -349,6 +339,14 @@ class JointLimiter:
         """Positions, velocities and accelerations of a plan, out of its moving frame."""
         q, velocity, acceleration = plan.at_time(time)
         return np.array(q) + drift * time, np.array(velocity) + drift, np.array(acceleration)
+
+
+def _stoppable(room: Array, acceleration: Array, step: float) -> Array:
+    """Largest velocity that may be kept for a tick before braking evenly within some room, shape (n,) [rad/s].
+
+    The v of v T + v^2 / (2 a) = d; none where there is no room.
+    """
+    return acceleration * (np.sqrt(step**2 + 2.0 * np.maximum(room, 0.0) / acceleration) - step)
 
 
 def interval(dt: float | None, period: float) -> float:

@@ -158,7 +158,7 @@ class RateLoop:
         moving = q is not None
         homing = homing and moving
         if q is None:
-            q = self._limiter.limit(last.q, resting_goal(tick.measured, last))
+            q = self._rest(tick, last)
         command = self._send(q, tick.time, self._motion(wish, reply) if moving else None)
         sent = self._clock()
         idle = None if moving else self._look_at_service(tick, command)
@@ -293,6 +293,13 @@ class RateLoop:
         if self._way is None:
             return self._limiter.move(last.q, velocity)
         return self._way.move(last.q, velocity, None, tick.measured.waist if tick.measured else None)
+
+    def _rest(self, tick: Tick, last: Command) -> Array:
+        """Brake and hold, or go to where the robot's end holds its joints."""
+        goal = resting_goal(tick.measured, last)
+        if np.isfinite(goal).all():
+            return self._limiter.limit(last.q, goal)
+        return self._limiter.move(last.q, np.zeros(len(last.q)))
 
     def _clearance(self, q: Array, waist: Array | None) -> Array:
         """Smallest distance between two parts of the body at each row of joints [m]."""

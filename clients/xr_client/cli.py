@@ -4,13 +4,11 @@ What it needs is imported after the arguments are read, so that `--help` and mis
 """
 
 import argparse
-import signal
 import sys
-from collections.abc import Sequence
-from importlib.util import find_spec
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
-EXIT_OK, EXIT_USAGE = 0, 2
 _PACKAGES = ("aiohttp", "cryptography", "segno", "hdrh", "ruckig")
 _NETWORK = {"host", "port", "names", "certificates"}
 """Options that only make sense where the page is served to others."""
@@ -52,29 +50,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code, as `--help` documents.
     """
     options = vars(_parser().parse_args(arguments))
-    missing = [name for name in _PACKAGES if find_spec(name) is None]
-    if missing:
-        return _fail(f"package {missing[0]} is missing: pip install 'ik-service[xr]'")
-    from ik_client.errors import IKError
+    from ik_client.command import run_command
+
+    return run_command("ik-xr", "xr", _PACKAGES, lambda keep_going: _run(options, keep_going))
+
+
+def _run(options: dict[str, Any], keep_going: Callable[[], bool]) -> None:
     from xr_client.session import run
     from xr_client.settings import Settings
 
-    ended: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _frame: ended.append(number))
-    try:
-        if "names" in options:
-            options["names"] = tuple(options["names"])
-        # An emulated headset is in a browser on this machine; who names a port wants real ones too.
-        if "emulate" in options and not options.keys() & _NETWORK:
-            options["local_only"] = True
-        report = run(Settings(**options), _say, terminal=sys.stdout.isatty(), keep_going=lambda: not ended)
-    # The errors of settings, certificates, ports, recordings and calibration are ValueErrors of one line each.
-    except (ValueError, IKError, OSError) as error:
-        return _fail(" ".join(str(error).split()))
+    if "names" in options:
+        options["names"] = tuple(options["names"])
+    # An emulated headset is in a browser on this machine; who names a port wants real ones too.
+    if "emulate" in options and not options.keys() & _NETWORK:
+        options["local_only"] = True
+    report = run(Settings(**options), _say, terminal=sys.stdout.isatty(), keep_going=keep_going)
     for line in report.lines():
         _say(line)
-    return EXIT_OK
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -133,8 +125,3 @@ def _parser() -> argparse.ArgumentParser:
 
 def _say(line: str) -> None:
     print(line, flush=True)
-
-
-def _fail(message: str) -> int:
-    print(f"ik-xr: {message}", file=sys.stderr)
-    return EXIT_USAGE

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 
 from ik_client import StepLimiter
 from ik_client.joint_limiter import JointLimiter, MotionLimits
@@ -305,3 +306,31 @@ except ImportError as error:
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == "the joint limiter needs ruckig: pip install 'ik-service[teleop]'\n"
+
+
+ANYTHING = st.floats(-5.0, 5.0) | st.just(np.nan) | st.just(np.inf)
+VELOCITIES = st.lists(hnp.arrays(np.float64, 3, elements=ANYTHING), min_size=1, max_size=12)
+
+
+@given(wanted=VELOCITIES, start=hnp.arrays(np.float64, 3, elements=st.floats(-1.5, 1.5)), uneven=st.booleans())
+def test_velocities_are_taken_up_within_all_bounds(wanted, start, uneven):
+    """Whatever is wanted, from inside the limits or outside: and what keeps the bounds is taken exactly."""
+    period, a_max = 0.005, 20.0
+    limiter = JointLimiter(3, period, MotionLimits(), lower=np.full(3, -1.0), upper=np.full(3, 1.0), inset=0.0)
+    q, v = start, np.zeros(3)
+    for k, velocity in enumerate([*np.repeat(wanted, 8, axis=0), *np.zeros((100, 3))]):
+        dt = period * (0.6, 1.0, 1.7)[k % 3] if uneven else period
+        before, q = q, limiter.move(q, velocity, dt)
+        now = (q - before) / dt
+        assert np.abs(now).max() <= 3.0 + 1e-9
+        assert np.abs(now - v).max() <= a_max * dt + 1e-9
+        low, high = np.minimum(start, -1.0), np.maximum(start, 1.0)
+        assert (low - 1e-9 <= q).all()
+        assert (q <= high + 1e-9).all()
+        outside = (before > 1.0) | (before < -1.0)
+        assert (now[outside] * np.sign(before[outside]) <= 1e-12).all()
+        goal = np.where(np.isfinite(velocity), velocity, 0.0)
+        free = (np.abs(before) < 0.6) & (np.abs(goal) <= 2.0) & (np.abs(goal - v) <= a_max * dt)
+        np.testing.assert_allclose(now[free], goal[free], atol=1e-9)
+        v = now
+    assert np.abs(v).max() < 1e-9  # told to, it has come to rest

@@ -204,7 +204,7 @@ def test_an_answer_within_the_services_own_bounds_passes_exactly(bench):
         wanted = wanted + np.clip(goal - wanted, -12.0 * TICK, 12.0 * TICK)
         bench.service.velocities = lambda wanted=wanted: bench.service.answer(wanted)
         bench.tick()
-        np.testing.assert_allclose(bench.loop._limiter.velocity, wanted, atol=1e-9)
+        np.testing.assert_allclose(bench.velocities()[-1], wanted, atol=1e-12)
 
 
 def test_before_a_press_it_is_where_the_robots_end_holds_its_joints():
@@ -351,8 +351,7 @@ def test_home_is_gone_to_only_while_asked_for_and_straight():
     assert reports[-1].at_home
     q = np.array([command.q for command in bench.robot.commands])
     way = home / np.linalg.norm(home)
-    # But for what a bounded jerk makes of each joint's beginning: a hundredth of a degree.
-    assert np.abs(q - np.outer(q @ way, way)).max() < 2e-4
+    assert np.abs(q - np.outer(q @ way, way)).max() < 1e-9
     assert np.abs(bench.velocities()).max() <= 0.5 * SLACK
     bounded(bench)
     bench.operator.adds = {"home": True}

@@ -2,11 +2,13 @@
 
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from link_bench import LIMIT, WELCOME, Raw, Robot, command, state, wait_for
 
+from ik_client import WristMotion
 from ik_client.robot_end import RobotLink, RobotSilent
 from ik_client.robot_end.link import SILENT_AFTER
 
@@ -40,6 +42,22 @@ def test_states_and_commands_travel(start):
         assert (arrival.command.session, arrival.command.seq, arrival.command.boot_id) == ("s", 1, "b")
         assert arrival.command.engaged
         assert begin <= arrival.time <= time.monotonic()
+
+
+def test_a_motion_travels_beside_a_command(start):
+    """And is forgotten when the arms are given back: a loop that ends drives nothing."""
+    robot = start()
+    robot.state = state(weight=0.0)
+    motion = WristMotion(np.ones((2, 6)), 0.5 * np.ones((2, 6)), np.array([0.1, 0.2]), ("", "speed"), (None, "a"))
+    with RobotLink(robot.url) as link:
+        link.send(replace(command(1), motion=motion))
+        wait_for(lambda: robot.arrivals)
+        seen = robot.arrivals[0].command.motion
+        np.testing.assert_array_equal(seen.achieved, motion.achieved)
+        assert (seen.limited_by, seen.limiting_joint) == (("", "speed"), (None, "a"))
+        assert link.release(LIMIT)
+    assert robot.arrivals[-1].command.release
+    assert robot.arrivals[-1].command.motion is None
 
 
 def test_states_carry_the_time_of_their_arrival(start):

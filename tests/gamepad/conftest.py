@@ -1,4 +1,4 @@
-"""What the tests of ik-gamepad share: a service with its rate control ready, and robots."""
+"""What the tests of ik-gamepad share: robots."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,12 +7,6 @@ import pytest
 from processes import running
 
 pytest.importorskip("pygame")
-
-
-@pytest.fixture
-def rate_service(velocity_kernel_cache, service_process):
-    """A service whose rate control need not be compiled."""
-    return service_process
 
 
 @pytest.fixture

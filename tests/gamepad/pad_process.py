@@ -22,6 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 
+import gamepad_client.listing as listing
 import gamepad_client.session as session
 from gamepad_client.cli import main
 from ik_client import Command
@@ -85,6 +86,7 @@ if __name__ == "__main__":
     files, words = parser.parse_known_args()
     HandledDevices.events, HeardLink.rows = files.events, []
     session.Devices, session.RobotLink = HandledDevices, HeardLink  # ty: ignore[invalid-assignment]
+    listing.Devices = HandledDevices  # ty: ignore[invalid-assignment]
     code = main(words)
     if files.commands is not None:
         np.save(files.commands, np.array(HeardLink.rows))

@@ -55,11 +55,11 @@ def sides(commands: Array, ik: IKClient) -> list[Array]:
     return [np.array([ik.fk(q).left_wrist for q in part[::4, 4:]]) for part in parts]
 
 
-def test_a_stick_leads_a_hand_round_a_square_and_home(rate_service, robot, tmp_path):
+def test_a_stick_leads_a_hand_round_a_square_and_home(service_process, robot, tmp_path):
     home, report, commands = tmp_path / "home.toml", tmp_path / "report.json", tmp_path / "commands.npy"
     home.write_text(BEFORE)
     options = ("--commands", commands, "--home", home, "--report", report, "--speed", 0.1, "--release")
-    with hands_on(rate_service.tcp_url, robot, *options, log=tmp_path / "log") as pad:
+    with hands_on(service_process.tcp_url, robot, *options, log=tmp_path / "log") as pad:
         assert pad.ready["device"] == "Virtual Controller"
         pad.engage()
         go_home(pad)
@@ -96,8 +96,8 @@ def test_a_stick_leads_a_hand_round_a_square_and_home(rate_service, robot, tmp_p
     assert numbers["stages_ms"]["service"]["n"] > 100
 
 
-def test_unplugged_it_holds_and_plugged_in_again_it_waits_for_a_press(rate_service, robot, tmp_path):
-    with hands_on(rate_service.tcp_url, robot, log=tmp_path / "log") as pad:
+def test_unplugged_it_holds_and_plugged_in_again_it_waits_for_a_press(service_process, robot, tmp_path):
+    with hands_on(service_process.tcp_url, robot, log=tmp_path / "log") as pad:
         pad.engage()
         pad.do("axis", "left_stick_y", -1.0)
         pad.until(lambda: not pad.rests(0.05), "the arms move")
@@ -116,9 +116,7 @@ def test_unplugged_it_holds_and_plugged_in_again_it_waits_for_a_press(rate_servi
         pad.comes_to_rest()
 
 
-def test_with_the_service_killed_it_holds_and_with_another_one_it_waits_for_a_press(
-    velocity_kernel_cache, start_service, robot, tmp_path
-):
+def test_with_the_service_killed_it_holds_and_with_another_one_it_waits_for_a_press(start_service, robot, tmp_path):
     first = start_service()
     with hands_on(first.tcp_url, robot, log=tmp_path / "log") as pad:
         pad.engage()
@@ -132,7 +130,6 @@ def test_with_the_service_killed_it_holds_and_with_another_one_it_waits_for_a_pr
         assert second.ready["boot_id"] != first.ready["boot_id"]
         assert pad.rests(1.5)  # switch and stick are held all the time
         assert not pad.state().following
-        # A new service loads its rate control when it is first asked; a press for one that is not ready is void.
         pad.engage()
         pad.until(lambda: not pad.rests(0.05), "the arms move again")
         pad.process.send_signal(signal.SIGTERM)
@@ -140,8 +137,8 @@ def test_with_the_service_killed_it_holds_and_with_another_one_it_waits_for_a_pr
     assert pad.process.returncode == 0
 
 
-def test_killed_itself_the_robot_holds(rate_service, robot, tmp_path):
-    with hands_on(rate_service.tcp_url, robot, log=tmp_path / "log") as pad:
+def test_killed_itself_the_robot_holds(service_process, robot, tmp_path):
+    with hands_on(service_process.tcp_url, robot, log=tmp_path / "log") as pad:
         pad.engage()
         pad.do("axis", "right_stick_y", -1.0)
         end = time.monotonic() + LIMIT
@@ -153,11 +150,11 @@ def test_killed_itself_the_robot_holds(rate_service, robot, tmp_path):
         assert not pad.state().following
 
 
-def test_keys_move_the_hands_and_turning_to_another_window_lets_go(rate_service, robot, tmp_path):
+def test_keys_move_the_hands_and_turning_to_another_window_lets_go(service_process, robot, tmp_path):
     """The keyboard's window, on a display that nobody sees."""
     options = ("--keyboard", "--speed", 0.1)
     env = {"SDL_VIDEODRIVER": "dummy"}
-    with hands_on(rate_service.tcp_url, robot, *options, log=tmp_path / "log", env=env) as pad:
+    with hands_on(service_process.tcp_url, robot, *options, log=tmp_path / "log", env=env) as pad:
         assert (pad.ready["device"], pad.ready["window"]) == ("keyboard", True)
         pad.engage("key", "space")
         before = pad.wrists()

@@ -153,6 +153,15 @@ def test_a_documented_command_works(
             assert (tmp_path / rest[1]).is_file()
         case "ik-camera":
             run_camera(rest, recording(), service_process.tcp_url, tmp_path)
+        case "ik-gamepad" if "--list" in rest:
+            run(BIN / program, *rest, cwd=tmp_path)
+        case "ik-gamepad":  # with a virtual pad, and a window that nobody sees
+            with robot(tmp_path) as ready:
+                hidden = ("env", "SDL_VIDEODRIVER=dummy") if "--keyboard" in rest else ("env", "-u", "DISPLAY")
+                pad = (sys.executable, REPO / "tests" / "gamepad" / "pad_process.py")
+                ends = ("--service", service_process.tcp_url, "--robot", f"tcp://{ready['listen']}")
+                with listening(*hidden, *pad, *rest, *ends, log=tmp_path / "pad.log") as told:
+                    assert told["window"] == ("--keyboard" in rest)
         case "ik-sim":
             run(BIN / program, service_process.tcp_url, *rest, cwd=tmp_path)
         case "ik-service":

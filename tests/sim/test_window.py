@@ -1,13 +1,20 @@
 """The window: opened where there is a display, left out with one line where there is none."""
 
+import contextlib
+import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
+from ik_client import Command, WristMotion
+from ik_client.robot_end import RobotLink, RobotSilent
 from sim_client.window import display_fault
 
 LIMIT = 60.0
@@ -69,6 +76,36 @@ def test_runs_in_a_window(targets: list[str], display: str, service_process) -> 
     assert "headless" not in done.stdout
     assert "0 ticks without a command" in done.stdout
     assert "1.0 s simulated" in done.stdout
+
+
+def test_a_robot_alone_shows_how_its_wrists_move(display: str) -> None:
+    """Arrows and panel come and go, and neither disturbs it: it ends as it always does."""
+    program = [sys.executable, "-m", "sim_client", "--listen", "127.0.0.1:0", "--eyes-to", "off"]
+    environment = {**os.environ, "DISPLAY": display}
+    robot = subprocess.Popen(program, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        assert robot.stdout is not None
+        url = f"tcp://{json.loads(robot.stdout.readline())['listen']}"
+        twists = np.full((2, 6), 0.2)
+        motion = WristMotion(twists, twists, np.array([0.01, 0.001]), ("", "joint"), (None, "right_elbow_joint"))
+        with RobotLink(url, connect_timeout=LIMIT) as link:
+            end, seq = time.monotonic() + LIMIT, 0
+            while link.weight < 1.0 or seq % 50:
+                assert time.monotonic() < end
+                time.sleep(link.welcome.period)
+                with contextlib.suppress(RobotSilent):  # Without a graphics card a picture may take that long.
+                    state, seq = link.read(), seq + 1
+                    q = state.q if state.q_set is None else state.q_set
+                    shown = motion if seq % 50 < 40 else None
+                    link.send(Command(q, np.zeros(len(q)), 0.0, session="window", seq=seq, motion=shown))
+        robot.send_signal(signal.SIGTERM)
+        _, said = robot.communicate(timeout=LIMIT)
+    finally:
+        robot.kill()
+        robot.communicate()
+    assert robot.returncode == 0, said
+    assert "headless" not in said
+    assert "Traceback" not in said
 
 
 def test_dragging_without_a_display_is_one_line(service_process) -> None:

@@ -7,12 +7,13 @@ import stat
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import pytest
 
 from ik_service import compiler
-from ik_service.compiler import CompileError, cache_folder, library
+from ik_service.compiler import CompileError, build, cache_folder, library
 
 SOURCE = "double answer(void) { return 42.0; }"
 
@@ -42,7 +43,7 @@ def test_builds_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = _build(folder)
     assert _answer(path) == 42.0
     assert list(folder.iterdir()) == [path]
-    monkeypatch.setattr(compiler, "_compile", lambda *_: pytest.fail("compiled again"))
+    monkeypatch.setattr(compiler, "_compiling", lambda *_: pytest.fail("compiled again"))
     assert _build(folder) == path
 
 
@@ -191,6 +192,61 @@ def test_cache_folder_follows_the_environment(monkeypatch: pytest.MonkeyPatch, t
     assert cache_folder() == tmp_path / "xdg" / "ik-service"
     monkeypatch.setenv("IK_CACHE_DIR", str(tmp_path / "mine"))
     assert cache_folder() == tmp_path / "mine"
+
+
+SLOW = """#!/bin/sh
+[ "$1" = --version ] && exec echo slow 1.0
+: > "{started}.$$"
+while [ "$(ls {started}.* | wc -l)" -lt 2 ]; do sleep 0.01; done
+exec cc "$@"
+"""
+
+
+def test_two_libraries_are_compiled_at_the_same_time(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The compiler waits until it runs twice: one after the other would never end."""
+    slow = tmp_path / "slowcc"
+    slow.write_text(SLOW.format(started=tmp_path / "started"))
+    slow.chmod(0o755)
+    monkeypatch.setenv("CC", str(slow))
+    monkeypatch.setattr(compiler, "COMPILE_TIMEOUT", 30.0)
+    with build(SOURCE, folder) as first, build(SOURCE.replace("42", "43"), folder) as second:
+        assert [_answer(wait().path) for wait in (first, second)] == [42.0, 43.0]
+
+
+ENDLESS = """#!/bin/sh
+[ "$1" = --version ] && exec echo endless 1.0
+sleep 1000 &
+echo "$! $$" > {ids}
+wait
+"""
+
+
+@pytest.mark.parametrize("how", ["given up", "timed out"])
+def test_compiler_that_is_not_waited_for_is_stopped(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    """With what it has started, and nothing stays behind."""
+    endless, ids = tmp_path / "endlesscc", tmp_path / "ids"
+    endless.write_text(ENDLESS.format(ids=ids))
+    endless.chmod(0o755)
+    monkeypatch.setenv("CC", str(endless))
+    monkeypatch.setattr(compiler, "COMPILE_TIMEOUT", 0.1)
+    with build(SOURCE, folder) as wait:
+        end = time.monotonic() + 30.0
+        while not (ids.exists() and ids.read_text().endswith("\n")):
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        if how == "timed out":
+            with pytest.raises(CompileError, match="TimeoutExpired"):
+                wait()
+    for process in ids.read_text().split():
+        status = Path(f"/proc/{process}/stat")
+        while status.exists() and status.read_text().rsplit(")")[1].split()[0] != "Z":
+            assert time.monotonic() < end
+            time.sleep(0.01)
+    assert list(folder.iterdir()) == []
 
 
 def test_two_builders_at_once(folder: Path) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from ik_proto.robots import load_description
-from ik_service import kernel as kernel_module
+from ik_service import generated
 from ik_service.compiler import Library
 from ik_service.kernel import Functions, Kernel, agree, functions, load_kernel
 from ik_service.preset import Preset
@@ -82,7 +82,7 @@ def test_source_follows_the_robot(small_robot: Robot, make_robot: Callable[..., 
     same, other = (
         Robot.load(load_description(make_robot(replace_toml=change))) for change in (("", ""), ("0.02]", "0.03]"))
     )
-    ours, twins, theirs = (kernel_module._source(functions(robot)) for robot in (small_robot, same, other))
+    ours, twins, theirs = (generated.source("kernel", functions(robot)) for robot in (small_robot, same, other))
     assert ours == twins
     assert ours != theirs
 
@@ -99,11 +99,11 @@ def test_unloadable_library_means_virtual_machine(
     small_robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     @contextmanager
-    def nonsense(source: str, folder: Path | None) -> Generator[Library]:
+    def nonsense(source: str, folder: Path | None) -> Generator[Callable[[], Library]]:
         (tmp_path / "kernel.so").write_text("not a library")
-        yield Library(tmp_path / "kernel.so")
+        yield lambda: Library(tmp_path / "kernel.so")
 
-    monkeypatch.setattr(kernel_module, "library", nonsense)
+    monkeypatch.setattr(generated, "build", nonsense)
     kernel = load_kernel(small_robot)
     assert (kernel.kind, kernel.note) == ("vm", "the compiled kernel cannot be loaded")
 
@@ -113,8 +113,8 @@ def test_kernel_that_computes_something_else_is_not_used(
 ) -> None:
     """As if the cache held the small robot's kernel under the name of that of a robot with a tool 1 mm longer."""
     other = Robot.load(load_description(make_robot(replace_toml=("[0.1, 0.0", "[0.101, 0.0"))))
-    source = kernel_module._source(functions(small_robot))
-    monkeypatch.setattr(kernel_module, "_source", lambda _: source)
+    source = generated.source("kernel", functions(small_robot))
+    monkeypatch.setattr(generated, "source", lambda *_: source)
     kernel = load_kernel(other, folder=folder)
     assert kernel.kind == "vm"
     assert kernel.note == "the compiled kernel computes something else than the virtual machine"
@@ -135,13 +135,13 @@ def test_refused_cache_still_gives_the_compiled_kernel(
     small_robot: Robot, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The library says why it did not use the cache, and the kernel hands that on."""
-    built_by = kernel_module.library
+    built_by = generated.build
 
     @contextmanager
-    def elsewhere(source: str, unused: Path | None) -> Generator[Library]:
-        with built_by(source, folder) as built:
-            yield Library(built.path, "kernel cache not used: others can write to it")
+    def elsewhere(source: str, unused: Path | None) -> Generator[Callable[[], Library]]:
+        with built_by(source, folder) as wait:
+            yield lambda: Library(wait().path, "kernel cache not used: others can write to it")
 
-    monkeypatch.setattr(kernel_module, "library", elsewhere)
+    monkeypatch.setattr(generated, "build", elsewhere)
     kernel = load_kernel(small_robot)
     assert (kernel.kind, kernel.note) == ("c", "kernel cache not used: others can write to it")

@@ -27,8 +27,8 @@ STRAIGHT = 1.4202
 
 
 @pytest.fixture(scope="module")
-def kernel(robot: Robot, velocity_kernel_cache: Path) -> VelocityKernel:
-    return load_velocity_kernel(robot, folder=velocity_kernel_cache)
+def kernel(robot: Robot, kernel_cache: Path) -> VelocityKernel:
+    return load_velocity_kernel(robot, folder=kernel_cache)
 
 
 @pytest.fixture(scope="module")
@@ -150,26 +150,6 @@ def test_orientation_is_held_or_left_free(robot: Robot, control: RateController)
     assert np.linalg.norm(free.dq[7:]) < np.linalg.norm(held.dq[7:])
 
 
-def test_square_keeps_path_and_orientation(robot: Robot, control: RateController) -> None:
-    corner, q, dq = np.array([0.3, 0.1, 0.1]), np.zeros(14), np.zeros(14)
-    for _ in range(200):
-        answer = control.solve(np.clip(2.0 * (corner - robot.fk(q)[0][:3, 3]), -0.2, 0.2), np.zeros(3), q)
-        q = q + PERIOD * answer.dq
-    wrist = robot.fk(q)[0]
-    for side in np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]]):
-        for tick in range(1500):
-            now = robot.fk(q)[0]
-            assert np.degrees(np.linalg.norm(pin.log3(now[:3, :3] @ wrist[:3, :3].T))) < 1.0
-            way = now[:3, 3] - corner
-            if way @ side >= 0.15:
-                break
-            assert tick < 5 or np.linalg.norm(way - (way @ side) * side) < 3e-3
-            dq = control.solve(0.06 * side, np.zeros(3), q, dq).dq
-            q = q + PERIOD * dq
-        assert way @ side >= 0.15
-        corner = corner + 0.15 * side
-
-
 def test_nothing_commanded_nothing_moves(robot: Robot, control: RateController) -> None:
     for q in random_postures(robot, 100, 6):
         answer = control.solve(STILL, STILL, q)
@@ -265,17 +245,19 @@ def test_body_is_kept_clear_of(robot: Robot, control: RateController) -> None:
     for left in ([-0.2, -0.2, 0.0], [0.0, -0.25, 0.0], [-0.2, -0.1, 0.1]):
         left_twist = np.array([*left, 0.0, 0.0, 0.0])
         right_twist = left_twist * [1, -1, 1, 1, 1, 1]
-        q, dq, clearances = HOME.copy(), np.zeros(14), []
+        q, dq, clearances, speeds = HOME.copy(), np.zeros(14), [], []
         for k in range(150):
             sign = 1.0 if k < 100 else -1.0
             answer = control.solve(sign * left_twist, sign * right_twist, q, dq)
             clearances.append(answer.clearance)
+            speeds.append(np.linalg.norm(answer.twists[0, :3]))
             if k == 99:
                 assert "collision" in answer.limited_by
             dq = answer.dq
             q = q + PERIOD * dq
         assert min(clearances) > robot.collision.margin - 2e-4
-        assert np.linalg.norm(answer.twists[0, :3]) > 0.05
+        assert speeds[99] < STOPPED
+        assert max(speeds[100:115]) > 0.9 * np.linalg.norm(left)
 
 
 def test_hands_side_by_side_follow_each_other(robot: Robot, control: RateController) -> None:

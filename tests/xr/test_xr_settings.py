@@ -5,10 +5,11 @@ from functools import partial
 
 import pytest
 
+from ik_client.command import EXIT_USAGE
 from ik_client.robot_end import RobotLink
 from ik_client.start import SettingsError
 from xr_client import desktop, session
-from xr_client.cli import EXIT_USAGE, main
+from xr_client.cli import main
 from xr_client.settings import Settings
 
 
