@@ -123,6 +123,15 @@ class Running:
             time.sleep(0.01)
         return self.shown
 
+    def soon(self, condition: Callable[[Shown], object], limit: float = 3.0) -> bool:
+        """Whether what is shown is as it should be within a time [s]."""
+        end = time.monotonic() + limit
+        while self.shown is None or not condition(self.shown):
+            if time.monotonic() > end:
+                return False
+            time.sleep(0.01)
+        return True
+
     def ended(self) -> None:
         """Wait until the run has ended by itself."""
         self._thread.join(LIMIT)
