@@ -68,30 +68,32 @@ class Board:
             now: The time [s], that of the loop's clock.
         """
         tick, look = self._tick, self._tracker.latest
-        steps = None if tick is None else tick.arms
-        words = (
-            ("not started", "not started") if steps is None else (self._words(0, steps[0]), self._words(1, steps[1]))
-        )
-        states = (ArmState.DISARMED, ArmState.DISARMED) if steps is None else (steps[0].state, steps[1].state)
+        words, states = ("not started", "not started"), (ArmState.DISARMED, ArmState.DISARMED)
+        if tick is not None:
+            left, right = tick.arms
+            words = self._words(0, left, now), self._words(1, right, now)
+            states = left.state, right.state
         return Shown(
             look, words, states, self._tracker.held(now), _operator(look), self._trouble(now), self._stages.recent()
         )
 
-    def _words(self, side: int, step: ArmStep) -> str:
+    def _words(self, side: int, step: ArmStep, now: float) -> str:
         if step.state is ArmState.ACTIVE:
             return self._approaches[side].stage.value
-        why = step.reason
-        if step.verdict is not Verdict.OK and (note := self._note(side)):
-            why = note
-        return f"{step.state}: {why}" if why else step.state.value
+        if step.verdict is not Verdict.OK:
+            return f"{step.state}: {self._note(side, now) or step.reason}"
+        if step.state is ArmState.DISARMED:
+            return f"{step.state}: {step.reason}; let go and press to begin"
+        return f"{step.state}: {step.reason}"
 
-    def _note(self, side: int) -> str:
+    def _note(self, side: int, now: float) -> str:
+        """Why an arm is not seen; empty where it is."""
         look = self._tracker.latest
-        estimate = None if look is None else look.estimate
-        if estimate is None:
-            return "nobody faces the camera"
-        seen = estimate.tracked[1 - side if self._tracker.mirror else side]
-        return "" if seen else estimate.note
+        trouble = self._tracker.trouble(now)
+        if trouble or look is None or look.estimate is None:
+            return trouble
+        seen = look.estimate.tracked[1 - side if self._tracker.mirror else side]
+        return "" if seen else look.estimate.note
 
     def _trouble(self, now: float) -> str:
         if self._tick is not None and not self.robot_ready:

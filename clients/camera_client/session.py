@@ -149,7 +149,8 @@ def run(
             for approach in approaches:
                 approach.observe(done)
             board.observe(done)
-            return report.observe(done)
+            changed, seen = report.observe(done), tracker.trouble(done.time)
+            return [*changed, f"camera: {seen}"] if changed and seen else changed
 
         ticking = LoopThread(
             tick, lambda: loop.stop("ik-camera ends"), Pacer(period), report.paced, lambda: perception.finished

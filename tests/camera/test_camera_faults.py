@@ -6,12 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from acted import ASIDE, BOTH_ACTIVE, Operator, Running
+from acted import ASIDE, BOTH_ACTIVE, Operator, Running, swaying
 from mirror_rig import Watcher
 from processes import running
 
 from camera_client.cockpit import Cockpit
+from ik_client import IKClient
 from ik_client.state_machine import ArmState
+from ik_proto.robots import load_description
 
 HOLDING = {ArmState.HOLD, ArmState.DISARMED, ArmState.ALIGNING}
 ATTEMPTS = 8
@@ -187,3 +189,33 @@ def test_the_next_operator_begins_with_a_press_of_their_own(monkeypatch, robot, 
         assert stands_still(watcher)
         assert follows(run, operator, watcher)
     assert "whoever is seen next is the operator" in run.said
+
+
+def test_arms_go_home_first_then_come_and_all_of_it_slowly(monkeypatch, robot, service_process):
+    """From wherever they were left: no joint is faster than half a radian a second until it follows."""
+    operator = Operator()
+    operator.limbs = lambda t: swaying(t) * [1.0, 1.0, -1.0]  # forearms go down instead of up, upper arms are raised
+    with Watcher(robot) as watcher, Running(monkeypatch, operator, service_process.tcp_url, robot, **AT_ONCE) as run:
+        assert follows(run, operator, watcher)
+    operator.limbs = swaying
+    with (
+        Watcher(robot) as watcher,
+        Running(monkeypatch, operator, service_process.tcp_url, robot) as run,
+        IKClient(service_process.tcp_url, timeout=5.0) as ik,
+    ):
+        follow(run, operator)
+        run.until(lambda shown: "going home" in " ".join(shown.arms))
+        run.until(lambda shown: not any("going home" in words for words in shown.arms))
+        coming = time.monotonic()
+        description = load_description("g1")
+        home = ik.fk(np.array([description.joint(name).home for name in description.arm_joints]))
+        seen = watcher.between(coming - 0.5, coming)
+        ways = [ik.fk(np.asarray(one.q_set)).left_wrist[:3, 3] - home.left_wrist[:3, 3] for one in seen]
+        assert min(np.linalg.norm(way) for way in ways) < 0.02
+        run.until(lambda shown: shown.arms == ("following", "following"))
+        following = time.monotonic()
+    slow = watcher.between(0.0, following - 0.3)
+    steps = [
+        np.abs(np.asarray(b.q_set) - a.q_set).max() / (b.time - a.time) for a, b in zip(slow, slow[25:], strict=False)
+    ]
+    assert 0.2 < max(steps) < 0.5 * 1.1

@@ -211,7 +211,9 @@ def test_what_is_shown_says_what_each_arm_does_and_why_it_holds():
     assert shown.arms == ("going home, slowly", "coming to your posture, slowly: hold still")
     assert (shown.switch, shown.operator, shown.trouble) == (True, "in view", "")
     shown = ticks.look(ArmState.HOLD, ArmState.DISARMED)
-    assert shown.arms == ("hold: because", "disarmed: because")
+    assert shown.arms == ("hold: because", "disarmed: because; let go and press to begin")
+    assert ticks.look(ArmState.HOLD, ArmState.HOLD, Verdict.STALE).arms == ("hold: because", "hold: because")
+    assert ticks.board.look(2.0).arms[0] == "hold: no frame for 1.0 s"
 
 
 @pytest.mark.parametrize(("mirror", "side"), [(False, 0), (True, 1)])
