@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from camera_client.calibration import CalibrationError, default_folder, save
 from camera_client.frame import RgbdFrame
 from camera_client.landmarks import Landmarks
-from camera_client.session import detector_of
+from camera_client.setup import detector_of
 from camera_client.source import DEFAULT_FIELD_OF_VIEW, FrameSource, open_source
 from camera_client.t_pose import DURATION, LEAST_FRAMES, TPose
 from ik_client.start import SettingsError

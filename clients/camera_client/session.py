@@ -10,11 +10,8 @@ Each hands on its latest only, so none waits for another, and none can hold anot
 """
 
 import contextlib
-import dataclasses
 import json
-import math
 import sys
-import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -23,17 +20,14 @@ import numpy as np
 
 from camera_client.approach import Approach, HomeFirst, PacedLimiter
 from camera_client.board import Board, Shown
-from camera_client.calibration import TYPICAL, Calibration, default_folder, load
 from camera_client.chain import Chain
 from camera_client.cockpit import Cockpit, pause
-from camera_client.detector import PoseDetector
 from camera_client.loop_thread import LoopThread
-from camera_client.models import ensure_model
 from camera_client.perception import Perception
 from camera_client.robot_arms import robot_geometry
 from camera_client.run_report import RunReport
 from camera_client.settings import Settings
-from camera_client.source import DEFAULT_FIELD_OF_VIEW, FrameSource, open_source
+from camera_client.setup import Say, calibration_of, detector_of, source_of, whose
 from camera_client.stages import Stages
 from camera_client.tracker import CameraTracker
 from ik_client.absolute_clutch import ABSOLUTE_FALL
@@ -51,13 +45,9 @@ from ik_client.teleop import TeleopLoop
 from ik_proto import FkReply
 from ik_proto.robots import load_description
 
-Say = Callable[[str], None]
-
 GATE = GateLimits(max_age=0.2, min_interval=0.1)
 """Every tick has another prediction, but only a new frame corrects it: every 33 ms, or 100 ms on a busy machine. What
 is no hand's motion the chain has refused or smoothed before."""
-_SLOW = 0.5
-"""How long something may take before it is explained [s]."""
 _FK_TIMEOUT = 2.0
 _SWITCH_INTERVAL = 0.001
 """How long one thread may keep Python's lock from another one that wants it [s]: the loop's tick is 20 ms."""
@@ -91,7 +81,7 @@ def run(
     # Programs read the first line of the output.
     note: Say = say if terminal else lambda line: print(line, file=sys.stderr, flush=True)
     with contextlib.ExitStack() as stack:
-        source = stack.enter_context(contextlib.closing(_source(settings)))
+        source = stack.enter_context(contextlib.closing(source_of(settings)))
         if not source.has_depth:
             note("this source has no depth: wrists will be about three times as far off as with a depth camera")
         detector = stack.enter_context(contextlib.closing(detector_of(settings.model, note)))
@@ -139,7 +129,7 @@ def run(
         about = {"source": source.description, "robot": description.name, "model": settings.model}
         report = RunReport(stages, tracker, perception, about)
         stack.callback(keep, report.write)
-        say(f"{source.description}; {_who(settings)}; {cockpit.hint}" if terminal else json.dumps(about))
+        say(f"{source.description}; {whose(settings)}; {cockpit.hint}" if terminal else json.dumps(about))
 
         def tick() -> list[str]:
             done = loop.tick()
@@ -209,54 +199,6 @@ def _farewell(settings: Settings, loop: TeleopLoop, robot: RobotLink, perception
         cockpit.say("the robot has taken its arms back" if given else "the robot has not taken its arms back: it holds")
     else:
         cockpit.say("the robot holds its arms where they are")
-
-
-def _source(settings: Settings) -> FrameSource:
-    return open_source(
-        settings.what, field_of_view=settings.field_of_view_rad or DEFAULT_FIELD_OF_VIEW, speed=settings.replay_speed
-    )
-
-
-def detector_of(model: str, say: Say) -> PoseDetector:
-    """Load a pose model, and make it first where it is not there yet.
-
-    Raises:
-        ModelError: It cannot be had.
-    """
-    return PoseDetector(model_file(model, say))
-
-
-def model_file(model: str, say: Say) -> Path:
-    """Find a pose model, or make it; says so where that takes a while.
-
-    Raises:
-        ModelError: It cannot be had.
-    """
-    slow = threading.Timer(_SLOW, say, [f"making the pose model {model}, once; it is kept for the next time ..."])
-    slow.daemon = True
-    slow.start()
-    try:
-        return ensure_model(model)
-    finally:
-        slow.cancel()
-
-
-def calibration_of(settings: Settings) -> Calibration:
-    """Whose arms these are, and how the camera stands.
-
-    Raises:
-        CalibrationError: There is no such user.
-    """
-    fitted = TYPICAL if settings.user is None else load(settings.user, default_folder())
-    if settings.tilt is None:
-        return fitted
-    down = math.radians(settings.tilt)
-    return dataclasses.replace(fitted, up_camera=np.array([0.0, -math.cos(down), -math.sin(down)]))
-
-
-def _who(settings: Settings) -> str:
-    whose = f"calibration of {settings.user}" if settings.user else "not calibrated: a typical adult is assumed"
-    return f"{whose}{', mirrored' if settings.mirror else ''}"
 
 
 def _approaches(settings: Settings) -> tuple[Approach, Approach]:

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -94,7 +95,7 @@ class Running:
     """
 
     def __init__(self, monkeypatch: Any, operator: Operator, service: str, robot: str, **options: Any) -> None:
-        monkeypatch.setattr(session, "open_source", lambda *_, **__: operator)
+        monkeypatch.setattr(session, "source_of", lambda _settings: operator)
         monkeypatch.setattr(session, "detector_of", lambda *_: operator)
         monkeypatch.setattr("builtins.print", lambda line="", **_: self.said.append(str(line)))
         self.said: list[str] = []
@@ -102,7 +103,7 @@ class Running:
         self.report: RunReport | None = None
         self.error: Exception | None = None
         self._end = threading.Event()
-        settings = Settings(service=service, robot=robot, replay=session.Path("acted"), preview=False, **options)
+        settings = Settings(service=service, robot=robot, replay=Path("acted"), preview=False, **options)
         self._thread = threading.Thread(target=self._run, args=(settings,))
 
     def __enter__(self) -> "Running":

@@ -10,7 +10,7 @@ import pytest
 from painted_person import BENT, HEIGHT, SPREAD, WIDTH, limbs, look
 
 from camera_client import calibrate as calibrating
-from camera_client import cli, cockpit, session
+from camera_client import cli, cockpit, session, setup
 from camera_client import record as recording_command
 from camera_client.calibration import CalibrationError, load
 from camera_client.recording import Recording, RecordingError
@@ -104,7 +104,7 @@ def test_options_reach_the_run(monkeypatch):
     assert (settings.mirror, settings.preview, settings.start, settings.release) == (True, False, "operator", True)
     assert settings.access.token_file == "t"
     # A camera that looks down sees up tilted towards itself.
-    up = session.calibration_of(replace(settings, tilt=10.0)).up_camera
+    up = setup.calibration_of(replace(settings, tilt=10.0)).up_camera
     assert np.allclose(up, [0.0, -np.cos(np.radians(10.0)), -np.sin(np.radians(10.0))])
 
 
@@ -119,7 +119,7 @@ def test_the_models_are_named(monkeypatch, tmp_path, capsys):
 
 def test_a_model_that_takes_long_is_explained(monkeypatch, tmp_path):
     said: list[str] = []
-    monkeypatch.setattr(session, "_SLOW", 0.01)
+    monkeypatch.setattr(setup, "_SLOW", 0.01)
     end = time.monotonic() + 10.0
 
     def ensure(_name):
@@ -127,8 +127,8 @@ def test_a_model_that_takes_long_is_explained(monkeypatch, tmp_path):
             time.sleep(0.001)
         return tmp_path
 
-    monkeypatch.setattr(session, "ensure_model", ensure)
-    assert session.model_file("full", said.append) == tmp_path
+    monkeypatch.setattr(setup, "ensure_model", ensure)
+    assert setup.model_file("full", said.append) == tmp_path
     assert said == ["making the pose model full, once; it is kept for the next time ..."]
 
 
