@@ -1,6 +1,6 @@
 """From a stick to the command that leaves for the robot: how long, with the wait for the next tick?
 
-    python benchmarks/gamepad.py [--pushes 200] [--rates 200 50] [--json FILE] [--chart FILE]
+    python benchmarks/gamepad.py [--pushes 200] [--rates 250 50] [--json FILE] [--chart FILE]
 
 Service, robot and `ik-gamepad` are processes of their own, over TCP. The pad is SDL's virtual one, in the process of
 `ik-gamepad`, so that its events go SDL's own way. A stick at rest is pushed at a random moment; the clock stops when
@@ -38,7 +38,7 @@ CHART_SCRIPT = Path(__file__).resolve().parent / "pad" / "chart.py"
 
 ASKED_MS = 5.0
 """Stick to command, median, with the rate `ik-gamepad` has by default."""
-DEFAULT_RATE = 200.0
+DEFAULT_RATE = 250.0
 
 REST_S, PUSH_S, LIMIT_S = 0.25, 0.12, 30.0
 MOVED = 1e-7
@@ -168,7 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--pushes", type=int, default=200, metavar="N", help="pushes of the stick at each rate (200)")
     parser.add_argument(
-        "--rates", type=float, nargs="+", default=[DEFAULT_RATE, 50.0], metavar="HZ", help="ticks a second (200 50)"
+        "--rates", type=float, nargs="+", default=[DEFAULT_RATE, 50.0], metavar="HZ", help="ticks a second (250 50)"
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="save all numbers")
     parser.add_argument("--chart", type=Path, metavar="FILE", help="draw the latencies, PNG or SVG")

@@ -27,14 +27,17 @@ WELL, NEAR, THERE = (70, 180, 110), (240, 180, 60), (225, 70, 60)
 SPEECH = {
     "speed": "largest joint speed",
     "acceleration": "largest acceleration",
-    "joint": "limit",
+    "joint": "joint limit",
     "bounds": "the box",
     "singularity": "singular posture",
     "collision": "the body",
 }
 """Words for what limits an arm."""
 
-_INK, _DIM, _PAPER, _TROUGH = (235, 240, 245), (150, 160, 172), (25, 32, 42), (52, 62, 76)
+PAPER = (25, 32, 42)
+"""Colour of what is behind them."""
+
+_INK, _DIM, _TROUGH = (235, 240, 245), (150, 160, 172), (52, 62, 76)
 _NEAR_JOINT, _AT_JOINT = 0.9, 0.985
 _NEAR_SINGULAR, _SINGULAR = 4.0, 1.0
 _MARGIN, _ROW, _BAR, _COLUMN = 12, 24, 12, 205
@@ -42,7 +45,7 @@ _MARGIN, _ROW, _BAR, _COLUMN = 12, 24, 12, 205
 
 def draw_panel(view: MotionView) -> Image:
     """Draw the panel of a motion."""
-    canvas = PilImage.new("RGB", SIZE, _PAPER)
+    canvas = PilImage.new("RGB", SIZE, PAPER)
     pen, font = ImageDraw.Draw(canvas), ImageFont.load_default(13)
     _legend(pen, font)
     for arm, side in enumerate(("left", "right")):

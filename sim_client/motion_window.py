@@ -23,6 +23,7 @@ class MotionWindow(Viewer):
         super().__init__(robot)
         self._robot = robot
         self._panel = mujoco.MjrRect(*_CORNER, *SIZE)
+        self._panel_shown = False
 
     def show(self) -> None:
         """Show the robot after a control tick."""
@@ -34,8 +35,13 @@ class MotionWindow(Viewer):
             self.handle.user_scn.ngeom = 0
             if view is not None:
                 draw_motion(self.handle.user_scn, self._robot, view)
-        if view is None:
-            self.handle.clear_images()
-        elif self._robot.ticks % _TICKS_PER_PANEL == 0:
+        if view is not None and self._robot.ticks % _TICKS_PER_PANEL == 0:
             self.handle.set_images((self._panel, draw_panel(view)))
+            # Not only to be read: behind textures MuJoCo draws pictures only where it has drawn a text before them.
+            self.handle.set_texts((None, mujoco.mjtGridPos.mjGRID_TOPLEFT, "wrists", "asked yellow, measured green"))
+            self._panel_shown = True
+        elif view is None and self._panel_shown:
+            self.handle.clear_images()
+            self.handle.clear_texts()
+            self._panel_shown = False
         self.handle.sync()

@@ -97,7 +97,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--service", metavar="URL", help="the IK service (tcp://127.0.0.1:12345)")
     parser.add_argument("--robot", metavar="URL", help="the robot's end (tcp://127.0.0.1:12346)")
-    parser.add_argument("--rate", metavar="HZ", type=float, help="ticks of the loop in a second (200)")
+    parser.add_argument("--rate", metavar="HZ", type=float, help="ticks of the loop in a second (250)")
     hand = parser.add_argument_group("from stick to hand")
     hand.add_argument("--speed", metavar="M/S", type=float, help="of a hand, with the stick at its edge (0.3)")
     hand.add_argument("--turn-speed", metavar="RAD/S", type=float, help="of turning a hand (0.8)")

@@ -68,7 +68,7 @@ class Settings:
     service: str = "tcp://127.0.0.1:12345"
     robot: str = "tcp://127.0.0.1:12346"
     access: AccessFiles = field(default_factory=AccessFiles)
-    rate: float = 200.0
+    rate: float = 250.0
     speed: float = 0.3
     turn_speed: float = 0.8
     dead_zone: float = 0.12

@@ -31,7 +31,7 @@ class LiveTable:
         Args:
             console: The terminal.
         """
-        self._live = Live(console=console, auto_refresh=False)
+        self._live = Live(console=console, auto_refresh=False, transient=True)
 
     def show(self, status: Status) -> None:
         """Redraw."""
@@ -45,7 +45,7 @@ class LiveTable:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Leave the last view where it is."""
+        """Take the view away."""
         self._live.stop()
 
 

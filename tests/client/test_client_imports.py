@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 HEAVY = ["pinocchio", "casadi", "mujoco", "rich", "zenoh", "hdrh", "ruckig", "ik_service", "sim_client", "uvloop"]
-HEAVY += ["scipy"]
+HEAVY += ["scipy", "pygame", "evdev"]
 
 
 def modules_after(code: str) -> set[str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 REPO = Path(__file__).resolve().parents[2]
-HEAVY = ("pinocchio", "casadi", "mujoco", "rich", "aiohttp", "imageio", "zenoh")
+HEAVY = ("pinocchio", "casadi", "mujoco", "rich", "aiohttp", "imageio", "zenoh", "pygame", "evdev", "ruckig")
 
 
 def run(*command: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -53,7 +53,8 @@ def test_the_robot_ships_inside(clean: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("command", "extra"), [("ik-service", "service"), ("ik-sim", "sim"), ("ik-load", "load"), ("ik-demo", "sim")]
+    ("command", "extra"),
+    [("ik-service", "service"), ("ik-sim", "sim"), ("ik-load", "load"), ("ik-demo", "sim"), ("ik-gamepad", "gamepad")],
 )
 def test_a_missing_extra_gets_one_line(clean: Path, command: str, extra: str) -> None:
     arguments = {"ik-service": ["serve"], "ik-load": ["tcp://127.0.0.1:1"]}.get(command, [])
@@ -65,7 +66,7 @@ def test_a_missing_extra_gets_one_line(clean: Path, command: str, extra: str) ->
 
 
 def test_help_needs_no_extra(clean: Path) -> None:
-    for command in ("ik-service", "ik-sim", "ik-load", "ik-demo"):
+    for command in ("ik-service", "ik-sim", "ik-load", "ik-demo", "ik-gamepad"):
         result = run(clean / "env/bin" / command, "--help", cwd=clean)
         assert result.returncode == 0, result.stderr
         assert "usage" in result.stdout.lower()

@@ -1,7 +1,8 @@
 """`Engine`: which preset is the default, and mistakes in one line."""
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,9 @@ import pytest
 from ik_proto.robots import RobotError, load_description
 from ik_service.config import Config, ConfigError
 from ik_service.engine import Engine
+from ik_service.robot import Robot
+from ik_service.velocity_kernel import VelocityKernel
+from ik_service.velocity_law import velocity_law
 
 Rewritten = Callable[..., Path]
 
@@ -32,6 +36,24 @@ def rewritten(tmp_path: Path) -> Rewritten:
 
 def build(robot: str | Path, preset: str = "") -> Engine:
     return Engine.build(Config(robot=str(robot), preset=preset, kernel="vm"), "", "")
+
+
+def test_it_is_compiled_only_where_both_kernels_are(kernel_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A rate control that fell back to the virtual machine is told, and refused where that was not asked for."""
+
+    @contextmanager
+    def interpreted(robot: Robot, compiled: bool) -> Generator[Callable[[], VelocityKernel]]:
+        assert compiled
+        yield lambda: VelocityKernel(velocity_law(robot), "vm", "a word on why")
+
+    monkeypatch.setenv("IK_CACHE_DIR", str(kernel_cache))
+    both = Engine.build(Config(), "", "")
+    monkeypatch.setattr("ik_service.engine.building_velocity_kernel", interpreted)
+    one = Engine.build(Config(), "", "")
+    assert (one.about.kernel, one.kernel_note) == ("vm", both.kernel_note or "a word on why")
+    if both.about.kernel == "c":
+        with pytest.raises(ConfigError, match=r"^--kernel c is not possible here: a word on why$"):
+            Engine.build(Config(kernel="c"), "", "")
 
 
 def test_precise_is_the_default(engine: Engine) -> None:

@@ -12,9 +12,11 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from PIL import ImageGrab
 
 from ik_client import Command, WristMotion
 from ik_client.robot_end import RobotLink, RobotSilent
+from sim_client.motion_panel import PAPER, WELL
 from sim_client.window import display_fault
 
 LIMIT = 60.0
@@ -78,6 +80,13 @@ def test_runs_in_a_window(targets: list[str], display: str, service_process) -> 
     assert "1.0 s simulated" in done.stdout
 
 
+def panel_seen(display: str) -> bool:
+    """Whether a good deal of the screen has the colour of the panel's paper, and some of it that of a good bar."""
+    pixels = np.asarray(ImageGrab.grab(xdisplay=display).convert("RGB")).astype(int)
+    paper, bar = (int((np.abs(pixels - colour).max(axis=2) < 3).sum()) for colour in (PAPER, WELL))
+    return paper > 50_000 and bar > 300
+
+
 def test_a_robot_alone_shows_how_its_wrists_move(display: str) -> None:
     """Arrows and panel come and go, and neither disturbs it: it ends as it always does."""
     program = [sys.executable, "-m", "sim_client", "--listen", "127.0.0.1:0", "--eyes-to", "off"]
@@ -89,15 +98,17 @@ def test_a_robot_alone_shows_how_its_wrists_move(display: str) -> None:
         twists = np.full((2, 6), 0.2)
         motion = WristMotion(twists, twists, np.array([0.01, 0.001]), ("", "joint"), (None, "right_elbow_joint"))
         with RobotLink(url, connect_timeout=LIMIT) as link:
-            end, seq = time.monotonic() + LIMIT, 0
-            while link.weight < 1.0 or seq % 50:
-                assert time.monotonic() < end
-                time.sleep(link.welcome.period)
-                with contextlib.suppress(RobotSilent):  # Without a graphics card a picture may take that long.
-                    state, seq = link.read(), seq + 1
-                    q = state.q if state.q_set is None else state.q_set
-                    shown = motion if seq % 50 < 40 else None
-                    link.send(Command(q, np.zeros(len(q)), 0.0, session="window", seq=seq, motion=shown))
+            seq = 0
+            for shown in (motion, None, motion):
+                end = time.monotonic() + LIMIT
+                while seq % 25 or panel_seen(display) != (shown is not None):
+                    assert time.monotonic() < end, "the panel does not come" if shown else "the panel stays"
+                    time.sleep(link.welcome.period)
+                    with contextlib.suppress(RobotSilent):  # Without a graphics card a picture may take that long.
+                        state, seq = link.read(), seq + 1
+                        q = state.q if state.q_set is None else state.q_set
+                        link.send(Command(q, np.zeros(len(q)), 0.0, session="window", seq=seq, motion=shown))
+                seq += 1
         robot.send_signal(signal.SIGTERM)
         _, said = robot.communicate(timeout=LIMIT)
     finally:
