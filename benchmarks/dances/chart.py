@@ -21,7 +21,7 @@ def draw(numbers: Path, chart: Path) -> None:
     document = json.loads(numbers.read_text(encoding="utf-8"))
     dances, names = document["dances"], document["names"]
     figure = plt.figure(figsize=(11.0, 9.0))
-    grid = figure.add_gridspec(4, 3, height_ratios=(1.0, 1.0, 0.05, 0.9))
+    grid = figure.add_gridspec(3, 3, height_ratios=(1.0, 1.0, 0.9))
     for k, number in enumerate(PANELS):
         scale, limit, words, unit = document["asked"][number]
         axis = figure.add_subplot(grid[k // 3, k % 3])
@@ -36,14 +36,15 @@ def draw(numbers: Path, chart: Path) -> None:
         axis.tick_params(axis="y", labelsize=7)
         if k == 0:
             axis.legend(fontsize=6)
-    axis = figure.add_subplot(grid[3, :])
+            axis.set_ylim(top=1.35 * axis.get_ylim()[1])
+    axis = figure.add_subplot(grid[2, :])
     trace = dances[0]["traces"]
     for chain in ("thesis", "webcam", "ours"):
         axis.plot(trace["t"], trace[chain], color=COLOURS[chain], linewidth=1.0, label=names[chain])
     axis.plot(trace["t"], trace["truth"], "k--", linewidth=0.8, label="truth")
-    axis.set_title(f"left wrist above the pelvis, {dances[0]['body']}, {dances[0]['dance']}", fontsize=9)
+    axis.set_title(f"left wrist before the pelvis, {dances[0]['body']}, {dances[0]['dance']}", fontsize=9)
     axis.set_xlabel("time [s]", fontsize=8)
-    axis.set_ylabel("height [m]", fontsize=8)
+    axis.set_ylabel("forward [m]", fontsize=8)
     axis.legend(fontsize=6, ncols=4)
     figure.tight_layout()
     figure.savefig(chart, dpi=130)

@@ -9,13 +9,13 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "camera"))
 
 # Found on the path that was just set.
-from arm_metrics import Score, Track  # ty: ignore[unresolved-import]
-from human_motion import human_motions  # ty: ignore[unresolved-import]
-from material import Material, render  # ty: ignore[unresolved-import]
-from rendered_person import INTRINSICS  # ty: ignore[unresolved-import]
-from retargeting import ELBOW_LIKE, RATE, Retargeting  # ty: ignore[unresolved-import]
-from sequence import FPS, Observer, Run, fitted, follow  # ty: ignore[unresolved-import]
-from subjects import Take, takes  # ty: ignore[unresolved-import]
+from arm_metrics import Score, Track  # ty: ignore[import-not-found]
+from human_motion import human_motions  # ty: ignore[import-not-found]
+from material import Material, render  # ty: ignore[import-not-found]
+from rendered_person import INTRINSICS  # ty: ignore[import-not-found]
+from retargeting import ELBOW_LIKE, RATE, Retargeting  # ty: ignore[import-not-found]
+from sequence import FPS, Observer, Run, fitted, follow  # ty: ignore[import-not-found]
+from subjects import Take, takes  # ty: ignore[import-not-found]
 
 __all__ = [
     "ELBOW_LIKE",

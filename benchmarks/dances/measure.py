@@ -50,7 +50,7 @@ class Danced:
         fresh: Whether the chain was made without having seen it.
         scores: Of each chain, one for each seed.
         milliseconds: Median time that the chain took for a frame.
-        traces: Time, true and shown height of the left wrist of the first seed, for a chart.
+        traces: Time, where the left wrist truly is and is shown, forward of the pelvis, of the first seed, for a chart.
     """
 
     body: str
@@ -90,8 +90,8 @@ def danced(take: Take, material: Material, seeds: list[int]) -> Danced:
     runs = _runs(material, [Observer.seeded(seed) for seed in seeds])
     scores = {chain: [getattr(run, chain).score(take.dance) for run in runs] for chain in CHAINS}
     first = runs[0]
-    traces = {"t": list(first.ours.times), "truth": [float(joints[0, 2, 2]) for joints in first.ours.truth]}
-    traces |= {chain: [float(joints[0, 2, 2]) for joints in getattr(first, chain).joints] for chain in CHAINS}
+    traces = {"t": list(first.ours.times), "truth": [float(joints[0, 2, 0]) for joints in first.ours.truth]}
+    traces |= {chain: [float(joints[0, 2, 0]) for joints in getattr(first, chain).joints] for chain in CHAINS}
     milliseconds = 1e3 * float(np.median(np.concatenate([run.seconds for run in runs])))
     return Danced(take.subject.name, take.title, take.fresh, scores, milliseconds, traces)
 

@@ -30,7 +30,7 @@ class ArmsEstimate:
         elbow_confidence: In the elbows' directions, 0 to 1, shape (2,).
         yaw: How far the operator is turned to the left [rad].
         note: Why an arm is not tracked; empty where both are.
-        monocular: Whether the camera measured no depth, so that all distances are the pose model's guess, about three
+        monocular: Whether the camera measured no depth, so that all distances are the pose model's guess, about four
             times as far off.
     """
 

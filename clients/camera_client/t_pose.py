@@ -64,8 +64,12 @@ class TPose:
             self._fronts.append(trunk_turn(frame.depth, corners, frame.intrinsics))
         return joints is not None
 
-    def finish(self) -> Calibration:
+    def finish(self, up_camera: Array | None = None) -> Calibration:
         """Fit the operator.
+
+        Args:
+            up_camera: Up, optical frame, shape (3,), by a level or an accelerometer; None tells it from the operator's
+                trunk.
 
         Raises:
             CalibrationError: Too few frames, an operator who moved, or lengths that nobody has.
@@ -83,7 +87,7 @@ class TPose:
         lengths = length(arms[:, 1:] - arms[:, :-1])
         shoulders, hips = joints[SHOULDERS].mean(axis=0), joints[HIPS].mean(axis=0)
         trunk = shoulders - hips
-        up = unit(trunk + LEAN * length(trunk) * _BACK)
+        up = unit(trunk + LEAN * length(trunk) * _BACK if up_camera is None else up_camera)
         R = level_rotation(up)
         sides = joints[[SHOULDERS[0], HIPS[0]]] - joints[[SHOULDERS[1], HIPS[1]]]
         yaw = facing_yaw(R @ sides.sum(axis=0))

@@ -1,61 +1,98 @@
-"""The benchmark of the camera's latency: what it makes of its turns, and what it asks for."""
+"""The benchmark of the camera's chain: what it concludes from its numbers, and what it puts into the page."""
 
-import io
-from argparse import Namespace
+from pathlib import Path
 from typing import Any
 
 import pytest
-from rich.console import Console
 
-from benchmarks import camera_latency
-from benchmarks.camera_latency import Turn, document, table, verdicts
-from camera_client.stages import STAGES
+from benchmarks import camera
+from benchmarks.dances import page
+from benchmarks.dances.means import Score
+from benchmarks.dances.measure import CHAINS, Danced
 
-
-def turn(model: str, command: float) -> Turn:
-    stages = {name: {"p50": 1.0, "p95": 2.0, "p99": 3.0, "max": 4.0, "n": 9} for name in STAGES}
-    stages["command"]["p50"] = command
-    return Turn(model, stages, {"p50": 0.1}, seen=99, played=100, late=1, ticks=500, engagements=2)
-
-
-def words(turns: list[Turn]) -> str:
-    console = Console(width=120, file=io.StringIO(), record=True)
-    console.print(table(turns))
-    return console.export_text()
-
-
-def test_the_models_stand_beside_each_other_with_the_median_of_their_turns():
-    said = words([turn("full", 30.0), turn("lite", 20.0), turn("full", 50.0), turn("full", 40.0)])
-    line = next(line for line in said.splitlines() if "command: frame here" in line)
-    assert "40.0 / 2.0 / 3.0" in line
-    assert "20.0 / 2.0 / 3.0" in line
-    assert "297 of 300" in said
-    assert "3 of 1500" in said
-
-
-@pytest.mark.parametrize(("ms", "met"), [(44.9, True), (45.0, True), (45.1, False), (float("nan"), False)])
-def test_full_is_asked_for_45_ms(ms, met):
-    (verdict,) = verdicts([turn("full", ms), turn("heavy", 500.0)])
-    assert verdict.met is met
-    assert verdicts([turn("heavy", 1.0)]) == []
+GOOD: dict[str, Any] = {
+    "wrist_mean": 0.03,
+    "wrist_p95": 0.08,
+    "elbow_p95": 0.07,
+    "turn_p95": 12.0,
+    "turned_over": 0.002,
+    "jumps": 0,
+    "spikes": 0,
+    "bad_limbs": 0.0,
+    "jitter": 0.012,
+    "lag": 0.016,
+}
+REPLAY: dict[str, Any] = {
+    "clip": "walk",
+    "seconds": 4.0,
+    "beyond": -0.05,
+    "step": 3.0,
+    "wanted_step": 0.4,
+    "possible": 0.9,
+    "elbow_p95": 8.0,
+    "elbow_like": 0.99,
+}
 
 
-def test_the_document_has_every_turn():
-    options: Any = Namespace(seconds=30.0, cores=2)
-    found = document([turn("full", 30.0)], verdicts([turn("full", 30.0)]), options)
-    assert found["kind"] == "camera_latency"
-    assert found["turns"][0]["stages_ms"]["command"]["p50"] == 30.0
-    assert found["verdicts"][0]["met"] is True
-    assert found["environment"]["versions"]["mediapipe"] == "0.10.30"
+def row(dance: str = "full", milliseconds: float = 1.5, **changed: Any) -> Danced:
+    scores = {chain: [Score(**GOOD)] for chain in CHAINS}
+    # Another seed, which is worse in what is changed.
+    scores["ours"].append(Score(**(GOOD | changed)))
+    scores["thesis"] = [Score(**(GOOD | {"wrist_mean": 0.2}))]
+    traces = {"t": [0.0], "truth": [0.0], **{chain: [0.0] for chain in CHAINS}}
+    return Danced("somebody", dance, True, scores, milliseconds, traces)
 
 
-def test_without_anybody_to_film_it_says_so(monkeypatch, capsys, tmp_path):
-    monkeypatch.setenv("IK_DATA", str(tmp_path))
-    assert camera_latency.main([]) == 2
-    assert "set IK_DATA" in capsys.readouterr().err
+def missed(rows: list[Danced], replays: list[dict[str, Any]]) -> list[str]:
+    return [verdict.what for verdict in camera.verdicts(rows, replays) if not verdict.met]
 
 
-@pytest.mark.parametrize("arguments", [["--rounds", "0"], ["--seconds", "1"], ["--cores", "0"]])
-def test_options_that_measure_nothing(arguments):
-    with pytest.raises(SystemExit):
-        camera_latency.main(arguments)
+def test_what_was_asked_for_is_met() -> None:
+    assert missed([row()], [REPLAY]) == []
+    # The published chain is not judged, and neither is a drawn dance.
+    assert missed([row(), row("drawn101", turn_p95=40.0)], [REPLAY]) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("wrist_mean", 0.041),
+        ("wrist_p95", 0.11),
+        ("turn_p95", 15.1),
+        ("turned_over", 0.006),
+        ("jumps", 1),
+        ("spikes", 1),
+        ("bad_limbs", 0.006),
+        ("jitter", 0.0151),
+        ("lag", 0.026),
+        ("lag", float("nan")),
+    ],
+)
+def test_the_worst_seed_is_judged(name: str, value: float) -> None:
+    assert missed([row("full", 1.5, **{name: value})], [REPLAY]) == [f"somebody, {camera.ASKED[name][2]}"]
+
+
+def test_time_and_bounds_are_judged() -> None:
+    assert missed([row(milliseconds=2.1)], [REPLAY]) == ["a frame, median"]
+    assert missed([row()], [REPLAY | {"beyond": 0.001}]) == ["beyond a joint limit"]
+    assert missed([row()], [REPLAY | {"step": 3.01}]) == ["fastest joint"]
+
+
+def test_the_page_takes_the_tables() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "camera-accuracy.md").read_text(encoding="utf-8")
+    numbers = {
+        "environment": {"when": "2026-01-01T00:00", "cpu": "some", "cores": 2, "load": 0.5},
+        "seeds": [1],
+        "asked": {name: list(what) for name, what in camera.ASKED.items()},
+        "names": camera.NAMES,
+        "dances": [row().document()],
+        "budget": {"body": "somebody", "scores": {"exact depth": GOOD}},
+        "replays": [REPLAY],
+        "elbow_like": 12.0,
+    }
+    filled = page.fill(text, numbers)
+    assert "| somebody | full | ik-camera | 3.0 | 8.0 | 12.0 | 0.2 | 0 | 0 | 0.0 | 12.0 | 16.0 |" in filled
+    assert "| somebody | full | as published | 20.0 |" in filled
+    assert "| exact depth | 3.0 | 8.0 | 12.0 | 12.0 |" in filled
+    assert "| walk | 4 | 0.050 | 3.00 | 0.40 | 90% | 99.0% | 8.0 |" in filled
+    assert page.fill(filled, numbers) == filled

@@ -34,6 +34,14 @@ def test_a_t_pose_gives_the_operator():
     assert abs(fitted.front) < 0.02
 
 
+def test_a_tilt_that_is_known_is_taken():
+    up = np.array([0.0, -np.cos(0.1), -np.sin(0.1)])
+    fitted = posed().finish(2.0 * up)
+    assert np.allclose(fitted.up_camera, up, atol=1e-9)
+    # The trunk, which is square to the view, leans back then.
+    assert fitted.hips_below[0] == pytest.approx(TYPICAL.hips_below[2] * np.sin(0.1) * -1.0, abs=0.01)
+
+
 def test_other_postures_do_not_count():
     pose = posed(HANGING)
     assert pose.good == 0
