@@ -4,6 +4,7 @@ import itertools
 import signal
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -208,7 +209,8 @@ def test_arms_go_home_first_then_come_and_all_of_it_slowly(monkeypatch, robot, s
 
     class Loop(session.TeleopLoop):
         def tick(self) -> TickReport:
-            coming = all(approach.stage is not Stage.FOLLOWING for approach in self._source.approaches)
+            tracker: Any = self._source
+            coming = all(approach.stage is not Stage.FOLLOWING for approach in tracker.approaches)
             done = super().tick()
             if coming:
                 commands.append(done.command)
