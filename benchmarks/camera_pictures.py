@@ -65,13 +65,13 @@ def main() -> int:
             seen.append((shown.look.captured, shown.look.frame.colour, picture))
 
     serving = ["-m", "ik_service", "serve", "--tcp", "127.0.0.1:0", "--zenoh", "off", "--http", "off"]
-    robot = ["-m", "sim_client", "--listen", "127.0.0.1:0", "--headless", "--eyes-to", "off"]
+    simulated = ["-m", "sim_client", "--listen", "127.0.0.1:0", "--headless", "--eyes-to", "off"]
     everywhere = os.sched_getaffinity(0)
     with tempfile.TemporaryDirectory() as name:
         recording = Path(name) / "quick.ikcam"
         with rendered("scenes").open_scene(person) as scene:
             rendered("filmed").film(recording, scene, rig.QUICK, lambda t: t >= rig.PRESS, fps=25.0)
-        with child([*serving, "--log-format", "json"], everywhere) as served, child(robot, everywhere) as robot_end:
+        with child([*serving, "--log-format", "json"], everywhere) as served, child(simulated, everywhere) as robot_end:
             service = f"tcp://{json.loads(first_line(served, 'the service'))['tcp']}"
             url = f"tcp://{json.loads(first_line(robot_end, 'the robot'))['listen']}"
             settings = Settings(service=service, robot=url, replay=recording, replay_speed=_SPEED, preview=False)
@@ -82,7 +82,9 @@ def main() -> int:
         then = first + (end - 0.1) / _SPEED
         _, picture, shown = min(seen, key=lambda one: abs(one[0] - then))
         measured = min(watcher.seen, key=lambda one: abs(one.time - then))
-        far = rig.angles(limbs.directions(measured), rig.person_directions(rig.QUICK, 0.5 * (begin + end)))
+        still = watcher.between(first + begin / _SPEED, first + end / _SPEED)
+        robot = np.median([limbs.directions(one) for one in still], axis=0)
+        far = rig.angles(robot, rig.person_directions(rig.QUICK, 0.5 * (begin + end)))
         for side, (upper, fore) in zip(SIDES, far, strict=True):
             print(f"{posture}: {side} upper arm {upper:.1f}, forearm {fore:.1f} degrees off")
         pairs.append((_TITLES[posture], picture, measured))

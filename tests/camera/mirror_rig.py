@@ -16,17 +16,19 @@ from ik_proto.robots import RobotDescription, load_description
 REACH = ((1.0, 0.15, -0.4), (1.0, 0.1, -0.25))
 """Forward and a little down, as to a table. Of an arm that points straight at the camera a pose model sees little:
 there the upper arm is up to 18 degrees off."""
+RELAXED = ((0.0, 0.35, -0.95), (0.15, 0.3, -0.95))
+"""Hanging, with the hand clear of the thigh: a robot's hand is larger, and stops before it."""
 QUICK = Choreography(
     keys=(
-        (0.0, "hang", "hang"),
-        (2.4, "hang", "hang"),
+        (0.0, RELAXED, RELAXED),
+        (2.4, RELAXED, RELAXED),
         (3.2, "T", "T"),
         (4.8, "T", "T"),
         (5.6, REACH, REACH),
         (7.2, REACH, REACH),
-        (8.0, "hang", "raised"),
-        (9.6, "hang", "raised"),
-        (9.8, "hang", "raised"),
+        (8.0, RELAXED, "raised"),
+        (9.6, RELAXED, "raised"),
+        (9.8, RELAXED, "raised"),
     ),
 )
 """A T pose, both arms forward, the right arm up, after a while in which the arms come to the operator's."""
