@@ -56,6 +56,7 @@ def assert_within_bounds(replay: Replay, robot: Robot):
     assert (np.abs(replay.acceleration) <= np.asarray(bounds.acceleration) + 1e-9).all()
 
 
+@pytest.mark.timeout(300)  # The kernel may have to be compiled first.
 @pytest.mark.parametrize("name", SOME)
 def test_elbows_are_the_persons_where_they_can_be(
     motions: dict[str, HumanMotion], retargeting: Retargeting, robot: Robot, name: str
@@ -69,6 +70,7 @@ def test_elbows_are_the_persons_where_they_can_be(
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
 def test_no_clip_takes_the_robot_out_of_its_bounds(
     motions: dict[str, HumanMotion], retargeting: Retargeting, robot: Robot
 ):
