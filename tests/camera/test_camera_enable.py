@@ -31,6 +31,7 @@ def test_any_of_the_devices_will_do(states, held):
 
 
 def test_a_reading_grows_old():
+    """Hazard: switch gone."""
     switch = Switch(True)
     enable = Enable([switch])
     enable.read(5.0)

@@ -75,6 +75,7 @@ def held(run: Running) -> None:
 
 
 def test_whatever_happens_to_the_operator_the_arms_hold_and_go_on(monkeypatch, robot, service_process):
+    """Hazard: passer-by."""
     operator = Operator()
     with Watcher(robot) as watcher, Running(monkeypatch, operator, service_process.tcp_url, robot, **AT_ONCE) as run:
         # The switch is not held: arms may do what they like.
@@ -181,7 +182,7 @@ def test_a_service_that_dies_holds_the_arms(monkeypatch, robot, start_service):
 
 
 def test_the_next_operator_begins_with_a_press_of_their_own(monkeypatch, robot, service_process):
-    """Released by a key: the arms are disarmed, and whoever is seen next is the operator."""
+    """Released by a key: the arms are disarmed, and whoever is seen next is the operator. Hazard: passer-by."""
     operator = Operator()
     pressed: list[bool] = []
     attend = Cockpit.attend
@@ -199,7 +200,7 @@ def test_the_next_operator_begins_with_a_press_of_their_own(monkeypatch, robot, 
 
 
 def test_arms_go_home_first_then_come_and_all_of_it_slowly(monkeypatch, robot, service_process):
-    """From wherever they were left: no joint is faster than half a radian a second until it follows."""
+    """From wherever they were left: no joint is faster than half a radian a second until it follows. Hazard: homing."""
     operator = Operator()
     operator.limbs = lambda t: swaying(t) * [1.0, 1.0, -1.0]  # forearms go down instead of up, upper arms are raised
     with Watcher(robot) as watcher, Running(monkeypatch, operator, service_process.tcp_url, robot, **AT_ONCE) as run:
