@@ -11,6 +11,7 @@
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,12 +82,15 @@ class Chain:
         self._doubt = np.zeros(2)
         self._measured = np.full(len(TRACKED), _NEVER)
 
-    def update(self, frame: RgbdFrame, landmarks: Landmarks | None) -> ArmsEstimate | None:
+    def update(
+        self, frame: RgbdFrame, landmarks: Landmarks | None, on_lifted: Callable[[], None] = lambda: None
+    ) -> ArmsEstimate | None:
         """Take a frame.
 
         Args:
             frame: What the camera saw.
             landmarks: What the pose model found in it; None for nothing.
+            on_lifted: Called between the lift and the filter, for who measures how long they take.
 
         Returns:
             Both arms; None as long as nobody has been seen.
@@ -115,6 +119,7 @@ class Chain:
         measured = lifted.measured & ~np.isin(_ARM_OF, np.flatnonzero(hidden | (self._doubt > _DOUBT)))
         self._measured[measured] = self._time
         self._filter.forget(self._time - self._measured > _LOST)
+        on_lifted()
         anew = self._filter.update(lifted.positions, lifted.sigma, measured)
         return self._show(seen, anew, dt)
 
