@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from camera_client.vectors import length, rotate, turn_between
 from ik_proto import Array
 
-ACCELERATION = 45.0
+ACCELERATION = 60.0
 """What no hand has [m/s^2]."""
 
 
