@@ -21,18 +21,18 @@ RELAXED = ((0.0, 0.35, -0.95), (0.15, 0.3, -0.95))
 QUICK = Choreography(
     keys=(
         (0.0, RELAXED, RELAXED),
-        (2.4, RELAXED, RELAXED),
-        (3.2, "T", "T"),
-        (4.8, "T", "T"),
-        (5.6, REACH, REACH),
-        (7.2, REACH, REACH),
-        (8.0, RELAXED, "raised"),
-        (9.6, RELAXED, "raised"),
-        (9.8, RELAXED, "raised"),
+        (5.4, RELAXED, RELAXED),
+        (6.2, "T", "T"),
+        (7.8, "T", "T"),
+        (8.6, REACH, REACH),
+        (10.2, REACH, REACH),
+        (11.0, RELAXED, "raised"),
+        (12.6, RELAXED, "raised"),
+        (12.8, RELAXED, "raised"),
     ),
 )
 """A T pose, both arms forward, the right arm up, after a while in which the arms come to the operator's."""
-STILL = {"T": (4.1, 4.8), "reach": (6.5, 7.2), "raised": (8.9, 9.6)}
+STILL = {"T": (7.1, 7.8), "reach": (9.5, 10.2), "raised": (11.9, 12.6)}
 """When the arms have been still for a while and still are [s]."""
 PRESS = 0.5
 """When the switch is pressed [s]."""
