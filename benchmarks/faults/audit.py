@@ -29,6 +29,9 @@ SETTLE_S = HOLD_AFTER + BRAKING_S
 SURE_STOP_S = DISARM_AFTER + 0.3
 """A process stopped for longer disarms the arms for certain [s]."""
 
+HEARD_S = 0.1
+"""Time in which the robot's end has heard of a grip [s]."""
+
 SAG_LIMIT = 0.02
 """How far a joint may hang below its set-point at rest [rad]."""
 
@@ -124,8 +127,9 @@ def _engagements(trace: RobotTrace, grips: Sequence[float], found: Audit) -> Non
         if before == "ready":
             found.engagements += 1
             ready_at = trace.t[_begin_of_state(trace, k - 1)]
-            # The grip is noticed a few ticks later; it must not be older than the state that it ends.
-            if not any(ready_at - trace.dt[k] <= grip <= trace.t[k] for grip in grips):
+            # The grip is noticed a few ticks later; it must not be older than the state that it ends. One that is given
+            # while an arm holds begins that state: the arm aligns anew, and the robot's end hears of it.
+            if not any(ready_at - HEARD_S <= grip <= trace.t[k] for grip in grips):
                 found.violations.append(f"followed without a grip at {trace.t[k]:.3f} s")
         elif before != "holding" or trace.t[k] - last_end > DISARM_AFTER + 2.0 * trace.dt[k]:
             found.violations.append(f"followed from {before} at {trace.t[k]:.3f} s")

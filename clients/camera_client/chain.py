@@ -6,10 +6,12 @@
 - An arm of which a joint is out of view, or that depth says is behind something, is held where it was. It comes back
   without a jump, see `rejoin`.
 - A frame without depth is lifted by the pose model's own guess of the body, see `monocular`; the estimate says so.
+- An arm that leaps, because a limb was taken to point at the camera and now away from it, goes there without a jump.
 - Frames come in the order of their capture; one that does not is refused.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +22,7 @@ from camera_client.estimate import ArmsEstimate
 from camera_client.frame import RgbdFrame
 from camera_client.kalman import JointFilter, Mask
 from camera_client.landmarks import ARMS, HIPS, SHOULDERS, TRACKED, Landmarks
+from camera_client.leap_watch import LeapWatch
 from camera_client.lift import Surfaces, lift, surfaces
 from camera_client.operator_lock import OperatorLock
 from camera_client.rejoin import Rejoin
@@ -72,18 +75,22 @@ class Chain:
         self._torso = Torso(calibration.level_rotation(), calibration.hips_below)
         self._basis = WristBasis()
         self._rejoin = Rejoin()
+        self._leap = LeapWatch()
         self._shown: _Shown | None = None
         self._time = _NEVER
         self._monocular = False
         self._doubt = np.zeros(2)
         self._measured = np.full(len(TRACKED), _NEVER)
 
-    def update(self, frame: RgbdFrame, landmarks: Landmarks | None) -> ArmsEstimate | None:
+    def update(
+        self, frame: RgbdFrame, landmarks: Landmarks | None, on_lifted: Callable[[], None] = lambda: None
+    ) -> ArmsEstimate | None:
         """Take a frame.
 
         Args:
             frame: What the camera saw.
             landmarks: What the pose model found in it; None for nothing.
+            on_lifted: Called between the lift and the filter, for who measures how long they take.
 
         Returns:
             Both arms; None as long as nobody has been seen.
@@ -112,6 +119,7 @@ class Chain:
         measured = lifted.measured & ~np.isin(_ARM_OF, np.flatnonzero(hidden | (self._doubt > _DOUBT)))
         self._measured[measured] = self._time
         self._filter.forget(self._time - self._measured > _LOST)
+        on_lifted()
         anew = self._filter.update(lifted.positions, lifted.sigma, measured)
         return self._show(seen, anew, dt)
 
@@ -123,9 +131,10 @@ class Chain:
         tracked = np.asarray((seen.seen & known)[ARMS].reshape(2, 3).all(axis=1)) & (self._doubt <= _DOUBT)
         joints = body.points(self._filter.position[ARMS]).reshape(2, 3, 3)
         shoulders, limbs = joints[:, 0], unit(joints[:, 1:] - joints[:, :-1])
+        leapt = self._leap.update(limbs, self._calibration.lengths, dt)
         if self._shown is not None:
             # The hips move the pelvis frame, and with it both arms.
-            back = ~self._shown.tracked | anew[ARMS].reshape(2, 3).any(axis=1) | anew[HIPS].any()
+            back = leapt | ~self._shown.tracked | anew[ARMS].reshape(2, 3).any(axis=1) | anew[HIPS].any()
             self._rejoin.begin(tracked & back, (self._shown.shoulders, shoulders), (self._shown.limbs, limbs))
             held = ~tracked[:, None]
             shoulders, limbs = self._rejoin.apply(shoulders, limbs, dt)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camera_client.scaling import RobotArms
+from camera_client.scaling import RobotArms, shoulder_positions
 from camera_client.vectors import cross, dot, length, rotate, turn_between, unit
 from ik_proto import Array
 from ik_proto.robots import ArmDescription, RobotDescription
@@ -102,7 +102,7 @@ class ClearArms:
         return np.array(room) + self.kept, float(between) + self.kept
 
     def _elbows(self, limbs: Array) -> Array:
-        return self._robot.shoulders + self._robot.upper * limbs[:, 0]
+        return shoulder_positions(limbs[:, 0], self._robot) + self._robot.upper * limbs[:, 0]
 
     def _out_of_body(self, side: int, elbow: Array, f: Array, R: Array) -> Array:
         """The turn of a forearm that takes it out of the body, shape (3,) [rad]."""

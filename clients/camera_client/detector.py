@@ -41,7 +41,7 @@ class PoseDetector:
             # confidence asked for, a black picture holds one.
             self._open(model, confidence=0.0).close()
             self._landmarker = self._open(model, confidence=0.5)
-        self._stamp = 0
+        self._stamp = 1  # That of the rehearsal.
 
     def detect(self, colour: NDArray[np.uint8], t_capture: float) -> Landmarks | None:
         """Look for a person.

@@ -1,9 +1,10 @@
 """Carries the arms of a frame on to now: the picture is old by what exposure, transfer and the pose model took.
 
-    p(now) = p + v tau (1 - exp(-age / tau)),    age = now - capture
+    p(now) = p + v s tau (1 - exp(-age / tau)),    age = now - capture,    s = v² / (v² + STILL²)
 
 A velocity is good for a short time only, so it dies away with tau, and nothing is predicted beyond `FARTHEST` or by an
-arm that is held or poorly seen. Limbs keep their lengths, and the wrist turns with its forearm.
+arm that is held or poorly seen. What hardly moves is taken to stand still: the rest is noise, which predicting would
+make more of. Limbs keep their lengths, and the wrist turns with its forearm.
 """
 
 import math
@@ -20,6 +21,8 @@ FARTHEST = 0.15
 """Greatest age that is made up for [s]."""
 FASTEST = 3.0
 """Bound on a joint's speed against the pelvis [m/s]."""
+STILL = 0.15
+"""Speed of which half counts; slower motion counts less, faster motion more [m/s]."""
 TRUSTED = 0.5
 """Confidence from which on an arm is predicted in full; it is not at all below half of that."""
 
@@ -38,9 +41,11 @@ def predicted(estimate: ArmsEstimate, now: float) -> ArmsEstimate:
     if age == 0.0:
         return estimate
     horizon = TAU * (1.0 - math.exp(-age / TAU))
-    speed = length(estimate.velocity)
+    full = length(estimate.velocity)
+    speed = np.minimum(full, FASTEST)
     trust = (2.0 * estimate.confidence / TRUSTED - 1.0).clip(0.0, 1.0) * estimate.tracked
-    factor = horizon * trust[:, None] * np.minimum(1.0, FASTEST / np.maximum(speed, FASTEST))
+    moves = speed**2 / (speed**2 + STILL**2)
+    factor = horizon * trust[:, None] * moves * speed / np.maximum(full, 1e-9)
     moved = estimate.joints + factor[..., None] * estimate.velocity
     lengths = length(estimate.joints[:, 1:] - estimate.joints[:, :-1])
     limbs = unit(moved[:, 1:] - moved[:, :-1])

@@ -1,18 +1,25 @@
 """From an operator's arms to a robot's: the same directions of both limbs, from the robot's own shoulders.
 
-    p_wrist = shoulder + upper u + fore f
+    p_wrist = shoulder(u) + upper u + fore f
 
 Directions and the share of the reach are the operator's, whatever the proportions of either: a stretched arm is a
 stretched arm, and a bent one has the same bend. Scaling wrists about the pelvis instead, as is often done, puts low
 ones out of reach and high ones too low.
+
+The centre of a G1's shoulder is 1.4 cm beside the axis of the first joint, so it is elsewhere for a raised arm than for
+a hanging one. That must not be left out: a stretched arm has to bend by 20 degrees to come 1.4 cm short.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from camera_client.vectors import unit
+from camera_client.vectors import cross, dot, length, unit
 from ik_proto import Array
+
+_DOWN = np.array([0.0, 0.0, -1.0])
+_ALONG = 0.35
+"""Sine of the angle to the axis below which the shoulder's centre is drawn to it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,10 +27,11 @@ class RobotArms:
     """What scaling needs to know of a robot with a straight waist.
 
     Attributes:
-        shoulders: About where the upper arms turn, left and right, pelvis frame, shape (2, 3) [m].
+        shoulders: Where the upper arms turn while they hang, left and right, pelvis frame, shape (2, 3) [m].
         upper: From there to the elbow [m].
         fore: From the elbow to the wrist target [m].
         hint_origins: Where the IK service measures elbow hints from, the first joint of each arm, shape (2, 3) [m].
+        axes: Unit axes of these joints, which turn the shoulders' centres with the upper arms, shape (2, 3).
         mount: Where the body is that the arms are mounted on, the last joint of the waist, shape (3,) [m].
     """
 
@@ -31,6 +39,7 @@ class RobotArms:
     upper: float
     fore: float
     hint_origins: Array
+    axes: Array
     mount: Array
 
 
@@ -39,9 +48,34 @@ G1_ARMS = RobotArms(
     upper=0.1845,
     fore=0.2342,
     hint_origins=np.array([[0.0, 0.10022, 0.29178], [0.0, -0.10022, 0.29178]]),
+    axes=np.array([[0.0, 0.96126, 0.27565], [0.0, 0.96126, -0.27565]]),
     mount=np.array([-0.0039635, 0.0, 0.044]),
 )
 """A Unitree G1: its shoulder roll joints, elbow joints, `L_ee` and `R_ee` at the zero posture."""
+
+
+def shoulder_positions(u: Array, robot: RobotArms) -> Array:
+    """Where the robot's shoulders are when its upper arms point somewhere.
+
+    The first joint turns the upper arm until it is beside the axis as it is when it hangs, and takes the shoulder's
+    centre along; the second joint does the rest. For an arm along the axis any turn would do. Near that the centre is
+    drawn to the axis: there it is beside the arm, where it matters little, and so nothing jumps.
+
+    Args:
+        u: Unit directions of the upper arms, pelvis frame, shape (2, 3).
+        robot: Whose shoulders.
+
+    Returns:
+        Shape (2, 3) [m], pelvis frame.
+    """
+    hanging = unit(_DOWN - dot(robot.axes, _DOWN)[:, None] * robot.axes)
+    ahead = cross(hanging, robot.axes)
+    beside = np.maximum(length(cross(u, robot.axes)), _ALONG)
+    c, s = (dot(u, hanging) / beside)[:, None], (dot(u, ahead) / beside)[:, None]
+    offset = robot.shoulders - robot.hint_origins
+    along, down, front = (dot(offset, v)[:, None] for v in (robot.axes, hanging, ahead))
+    turned = down * (c * hanging + s * ahead) + front * (c * ahead - s * hanging)
+    return robot.hint_origins + along * robot.axes + turned
 
 
 def wrist_positions(limbs: Array, robot: RobotArms) -> Array:
@@ -54,7 +88,7 @@ def wrist_positions(limbs: Array, robot: RobotArms) -> Array:
     Returns:
         Shape (2, 3) [m], pelvis frame.
     """
-    return robot.shoulders + robot.upper * limbs[:, 0] + robot.fore * limbs[:, 1]
+    return shoulder_positions(limbs[:, 0], robot) + robot.upper * limbs[:, 0] + robot.fore * limbs[:, 1]
 
 
 def elbow_hints(limbs: Array, confidence: Array, robot: RobotArms) -> Array:
@@ -68,5 +102,5 @@ def elbow_hints(limbs: Array, confidence: Array, robot: RobotArms) -> Array:
     Returns:
         Direction and confidence, shape (2, 4).
     """
-    elbows = robot.shoulders + robot.upper * limbs[:, 0]
+    elbows = shoulder_positions(limbs[:, 0], robot) + robot.upper * limbs[:, 0]
     return np.concatenate([unit(elbows - robot.hint_origins), confidence[:, None]], axis=1)

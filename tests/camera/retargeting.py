@@ -109,19 +109,22 @@ class Retargeting:
 
     def _elbow_off(self, q: Array, limbs: Array) -> Array:
         """Angle between upper arms of robot and person, shape (2,) [degree]."""
-        upper = self._elbows(q) - G1_ARMS.shoulders
+        upper = self._upper_arms(q)
         cosine = (upper * limbs[:, 0]).sum(axis=1) / np.linalg.norm(upper, axis=1)
         return np.degrees(np.arccos(cosine.clip(-1.0, 1.0)))
 
-    def _elbows(self, q: Array) -> Array:
-        """Where the elbows are, base frame, shape (2, 3) [m], by Pinocchio."""
+    def _upper_arms(self, q: Array) -> Array:
+        """From the second joint of each arm to its elbow, base frame, shape (2, 3) [m], by Pinocchio."""
         configuration = np.zeros(self._model.nq)
         for name, angle in zip(self._robot.joint_names, q, strict=True):
             configuration[self._model.joints[self._model.getJointId(name)].idx_q] = angle
         pin.framesForwardKinematics(self._model, self._data, configuration)
         base = self._data.oMf[self._base]
-        names = [arm.joint_names[3] for arm in self._robot.arms]
-        return np.stack([base.actInv(self._data.oMi[self._model.getJointId(name)]).translation for name in names])
+        ends = [
+            [base.actInv(self._data.oMi[self._model.getJointId(arm.joint_names[k])]).translation for k in (1, 3)]
+            for arm in self._robot.arms
+        ]
+        return np.diff(np.array(ends), axis=1)[:, 0]
 
 
 def _request(limbs: Array, R_pelvis_wrist: Array) -> dict[str, Any]:

@@ -42,6 +42,7 @@ def boarded(now: Moment) -> Moment:
 @pytest.mark.parametrize("seconds", [0.5, 2.0])
 @pytest.mark.parametrize("landmarks_are", ["lost", "made up"])
 def test_a_covered_arm_is_held_and_found_again(scene: RenderedPerson, seconds: float, landmarks_are: str):
+    """Hazard: covered limb."""
     observer = Observer.seeded(7)
     # Made up landmarks are those of an arm that hangs, as sure as any.
     hanging = next(moments(scene, Choreography(((0.0, "hang", "hang"), (1.0, "hang", "hang"))))).in_camera

@@ -8,7 +8,7 @@ import pytest
 from painted_person import FORWARD, LEFT, body, limbs
 
 from camera_client.estimate import ArmsEstimate
-from camera_client.prediction import FARTHEST, FASTEST, TAU, predicted
+from camera_client.prediction import FARTHEST, FASTEST, STILL, TAU, predicted
 
 DIRECTIONS = limbs((LEFT, FORWARD), (-LEFT, FORWARD))
 
@@ -47,10 +47,19 @@ def test_a_swing_goes_on_damped_and_limbs_keep_their_lengths():
     lengths = np.linalg.norm(np.diff(before.joints, axis=1), axis=-1)
     assert np.allclose(np.linalg.norm(np.diff(after.joints, axis=1), axis=-1), lengths)
     angle = math.atan2(after.limbs[0, 1, 2], after.limbs[0, 1, 0])
-    assert angle == pytest.approx(math.atan2(TAU * (1.0 - math.exp(-0.1 / TAU)), lengths[0, 1]))
+    counts = 1.0 / (1.0 + STILL**2)  # at 1 m/s
+    assert angle == pytest.approx(math.atan2(counts * TAU * (1.0 - math.exp(-0.1 / TAU)), lengths[0, 1]))
     # The wrist turns with its forearm, and not about it.
     assert np.allclose(after.R_pelvis_wrist[:, :, 0], after.limbs[:, 1])
     assert np.allclose(after.R_pelvis_wrist[:, :, 1], [0.0, 1.0, 0.0])
+
+
+def test_what_hardly_moves_is_taken_to_stand_still():
+    rises = [predicted(moving(speed), 5.1).joints[0, 2, 2] - still().joints[0, 2, 2] for speed in (0.03, STILL, 1.0)]
+    horizon = TAU * (1.0 - math.exp(-0.1 / TAU))
+    assert rises[0] < 0.05 * 0.03 * horizon
+    assert rises[1] == pytest.approx(0.5 * STILL * horizon, rel=0.01)
+    assert rises[2] > 0.94 * horizon
 
 
 def test_nothing_is_predicted_beyond_the_farthest_age():

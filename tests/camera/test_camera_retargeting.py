@@ -26,7 +26,7 @@ SOME = {
     "squat_level3_filter": (0.5, 0.99, 0.2),
     "step_forward_forward_level2_filter": (0.15, 0.99, 0.2),
     "walk_level1_filter": (0.4, 0.97, 0.4),
-    "kick_level3_filter": (0.2, 0.95, 0.4),
+    "kick_level3_filter": (0.2, 0.93, 0.4),
     "Bolt_level1": (0.5, 0.85, 2.0),
 }
 """Of some clips, of which share the person's arm is possible at least, of which share of that the elbow is like the

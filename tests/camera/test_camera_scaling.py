@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from camera_client.scaling import G1_ARMS, elbow_hints, wrist_positions
+from camera_client.scaling import G1_ARMS, elbow_hints, shoulder_positions, wrist_positions
 from camera_client.vectors import unit
 from ik_proto.robots import load_description
 
@@ -45,12 +45,11 @@ def postures(count: int) -> list[dict[str, float]]:
 
 @pytest.mark.parametrize("posture", postures(5))
 def test_a_g1_as_operator_is_mirrored(posture):
-    """Its upper arms do not turn about one point: the roll joint goes round the axis of the pitch joint at 14 mm."""
+    """To 4 mm: the shoulder's centre goes round the axis of the first joint at 14 mm, and is followed there."""
     arms, first = g1_arms(posture)
     limbs = unit(np.diff(arms, axis=1))
-    for p, arm, side in zip(wrist_positions(limbs, G1_ARMS), arms, SIDES, strict=True):
-        round_axis = 2.0 * 0.01384 * abs(np.sin(0.5 * posture[f"{side}_shoulder_pitch_joint"]))
-        assert np.linalg.norm(p - arm[2]) < round_axis + 0.001
+    assert np.linalg.norm(wrist_positions(limbs, G1_ARMS) - arms[:, 2], axis=1).max() < 0.004
+    assert np.linalg.norm(shoulder_positions(limbs[:, 0], G1_ARMS) - arms[:, 0], axis=1).max() < 0.004
     hints = elbow_hints(limbs, np.array([0.25, 1.0]), G1_ARMS)
     assert np.allclose(hints[:, :3], unit(arms[:, 1] - first), atol=0.06)
     assert (hints[:, 3] == (0.25, 1.0)).all()
@@ -60,4 +59,15 @@ def test_a_stretched_arm_is_a_stretched_arm_in_every_direction():
     rng = np.random.default_rng(1)
     for direction in unit(rng.standard_normal((20, 3))):
         p = wrist_positions(np.tile(direction, (2, 2, 1)), G1_ARMS)
-        assert np.allclose(p - G1_ARMS.shoulders, (G1_ARMS.upper + G1_ARMS.fore) * direction)
+        shoulders = shoulder_positions(np.tile(direction, (2, 1)), G1_ARMS)
+        assert np.allclose(p - shoulders, (G1_ARMS.upper + G1_ARMS.fore) * direction)
+
+
+def test_the_shoulders_never_jump():
+    """A small turn of the upper arm moves the shoulder a little, wherever the arm points, also along the axis."""
+    rng = np.random.default_rng(2)
+    u = unit(np.concatenate([rng.standard_normal((3000, 3)), G1_ARMS.axes[0] + 0.02 * rng.standard_normal((500, 3))]))
+    near = unit(u + 1e-4 * rng.standard_normal(u.shape))
+    for a, b in zip(u, near, strict=True):
+        moved = shoulder_positions(np.tile(b, (2, 1)), G1_ARMS) - shoulder_positions(np.tile(a, (2, 1)), G1_ARMS)
+        assert np.abs(moved).max() < 0.1 * np.linalg.norm(b - a) + 1e-12

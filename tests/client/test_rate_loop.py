@@ -227,7 +227,10 @@ def test_arms_that_are_not_where_they_are_commanded_are_not_engaged(bench):
 
 @pytest.mark.parametrize("gone", [None, "silent", "raises", "no numbers"])
 def test_an_operator_who_is_gone_disarms_and_coming_back_moves_nothing(bench, gone):
-    """Unplugged, silent, or nonsense: braked in that tick; the switch still held afterwards counts for nothing."""
+    """Unplugged, silent, or nonsense: braked in that tick; the switch still held afterwards counts for nothing.
+
+    Hazard: switch gone.
+    """
     bench.moving()
     healthy, then = bench.operator.says, bench.now
 
@@ -340,6 +343,7 @@ def test_a_robot_that_is_silent_or_lets_go_disarms(bench):
 
 
 def test_home_is_gone_to_only_while_asked_for_and_straight():
+    """Hazard: homing."""
     home = np.linspace(-0.3, 0.3, N)
     bench = Bench(homing=Homing(home))
     bench.operator.adds = {"home": True}

@@ -82,6 +82,13 @@ def test_a_grip_before_the_fault_does_not_count() -> None:
     assert any("without a grip" in line for line in judged(record(), grips=[1.0, 2.9]).violations)
 
 
+def test_a_grip_while_an_arm_holds_begins_the_state_that_it_ends() -> None:
+    """Gripped anew the loop aligns anew, and the robot's end is ready again for a moment."""
+    regripped = during(record(), 2.0, 2.04, "ready")
+    assert judged(regripped, grips=[1.0, 1.96, 6.0]).violations == []
+    assert any("without a grip" in line for line in judged(regripped, grips=[1.0, 1.8, 6.0]).violations)
+
+
 def test_a_short_stop_may_be_gone_on_from_and_a_long_one_not() -> None:
     for lasts, wrong in ((0.3, False), (1.5, True)):
         stopped = Done(Fault(Victim.SERVICE, Kind.STOP, 0.5, lasts), 1.5, 3.0)

@@ -97,6 +97,7 @@ def test_a_stick_leads_a_hand_round_a_square_and_home(service_process, robot, tm
 
 
 def test_unplugged_it_holds_and_plugged_in_again_it_waits_for_a_press(service_process, robot, tmp_path):
+    """Hazard: switch gone."""
     with hands_on(service_process.tcp_url, robot, log=tmp_path / "log") as pad:
         pad.engage()
         pad.do("axis", "left_stick_y", -1.0)

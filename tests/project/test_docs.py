@@ -3,15 +3,17 @@
 import json
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+from person_film import film_t_pose
 
 REPO = Path(__file__).resolve().parents[2]
 PAGES = sorted(
@@ -79,9 +81,44 @@ def robot(folder: Path) -> AbstractContextManager[dict[str, Any]]:
     return listening(BIN / "ik-sim", "--listen", "127.0.0.1:0", "--headless", log=folder / "robot.log")
 
 
+@pytest.fixture(scope="module")
+def recording(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Callable[[], Path]:
+    """Gives a recording for `ik-camera`, filmed when it is first asked for; skips where nobody can be filmed."""
+    made: list[Path] = []
+
+    def film() -> Path:
+        if not made:
+            data = request.getfixturevalue("shared_data")
+            made.append(film_t_pose(tmp_path_factory.mktemp("film") / "person.ikcam", data))
+        return made[0]
+
+    return film
+
+
+def run_camera(rest: list[str], recording: Path, service: str, folder: Path) -> None:
+    """`ik-camera` as the pages have it, with a recording for its camera."""
+    program = BIN / "ik-camera"
+    if "--replay" in rest:
+        shutil.copy(recording, folder / rest[rest.index("--replay") + 1])
+    else:
+        rest = [*rest, "--replay", str(recording)]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CONFIG_HOME", str(folder))
+        if "--user" in rest:
+            fit = ["calibrate", "--user", rest[rest.index("--user") + 1], "--replay", recording]
+            run(program, *fit, cwd=folder)
+            assert list((folder / "ik-camera").glob("*.json"))
+        if rest[:1] != ["calibrate"]:
+            with robot(folder) as ready:
+                ends = ("--service", service, "--robot", f"tcp://{ready['listen']}")
+                run(program, *rest, *ends, "--no-preview", "--replay-speed", "2", cwd=folder)
+
+
 @pytest.mark.timeout(400)
 @pytest.mark.parametrize("command", commands())
-def test_a_documented_command_works(command: str, service_process: Any, tmp_path: Path) -> None:
+def test_a_documented_command_works(
+    command: str, service_process: Any, tmp_path: Path, recording: Callable[[], Path]
+) -> None:
     program, *rest = shlex.split(command)
     rest = [part.replace(DEFAULT_TCP, service_process.ready["tcp"]) for part in rest]
     match program:
@@ -106,6 +143,16 @@ def test_a_documented_command_works(command: str, service_process: Any, tmp_path
                 port = () if "--emulate" in rest else ("--port", "0", "--certificates", str(tmp_path / "certificates"))
                 with listening(BIN / program, *rest, *free, *port, log=tmp_path / "xr.log") as page:
                     assert page["emulator" if "--emulate" in rest else "pages"]
+        case "ik-camera" if rest == ["models"]:
+            made = subprocess.run([BIN / program, *rest], capture_output=True, text=True, timeout=300)
+            if made.returncode and "npm" in made.stderr:
+                pytest.skip(made.stderr)
+            assert made.returncode == 0, made.stderr
+        case "ik-camera" if rest and rest[0] == "record":
+            run(BIN / program, *rest, "--source", recording(), "--duration", "2", cwd=tmp_path)
+            assert (tmp_path / rest[1]).is_file()
+        case "ik-camera":
+            run_camera(rest, recording(), service_process.tcp_url, tmp_path)
         case "ik-gamepad" if "--list" in rest:
             run(BIN / program, *rest, cwd=tmp_path)
         case "ik-gamepad":  # with a virtual pad, and a window that nobody sees

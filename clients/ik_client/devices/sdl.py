@@ -13,9 +13,10 @@ from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Any, Self
 
+from numpy.typing import NDArray
+
 from ik_client.devices.errors import DeviceError
 from ik_client.devices.pad import Pad
-from ik_proto import Array
 
 _DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")
 
@@ -87,7 +88,7 @@ class Devices:
             return False
         return True
 
-    def show(self, picture: Array) -> None:
+    def show(self, picture: NDArray[Any]) -> None:
         """Show a picture in the window; nothing without one.
 
         Args:

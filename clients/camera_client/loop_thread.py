@@ -1,0 +1,76 @@
+"""The teleop loop's own thread: a tick each period of the robot, whatever displays and devices do."""
+
+import collections
+import threading
+from collections.abc import Callable
+
+from ik_client.pacer import Pacer
+
+REST_TICKS = 50
+"""Ticks after the last frame in which the arms come to rest."""
+
+
+class LoopThread:
+    """Ticks until it is told to end, or has rested long enough after the source has.
+
+    Attributes:
+        lines: What is to be told to the operator, oldest first; may be taken away from the left.
+    """
+
+    def __init__(
+        self,
+        tick: Callable[[], list[str]],
+        stop: Callable[[], None],
+        pacer: Pacer,
+        paced: Callable[[Pacer], None],
+        finished: Callable[[], bool],
+    ) -> None:
+        """Prepare; `start` starts it.
+
+        Args:
+            tick: Does a tick, and gives what has changed, a line each.
+            stop: Disarms; called before the last tick.
+            pacer: Keeps the schedule.
+            paced: Called before each tick.
+            finished: Whether no frames will come any more.
+        """
+        self.lines: collections.deque[str] = collections.deque()
+        self._tick, self._stop, self._pacer, self._paced, self._finished = tick, stop, pacer, paced, finished
+        self._end = threading.Event()
+        self._error: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, name="ik-camera loop", daemon=True)
+
+    def start(self) -> None:
+        """Begin to tick."""
+        self._thread.start()
+
+    @property
+    def alive(self) -> bool:
+        """Whether it ticks."""
+        return self._thread.is_alive()
+
+    def close(self) -> None:
+        """Disarm, tick once more, end.
+
+        Raises:
+            Exception: What ended it before.
+        """
+        self._end.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+        if self._error is not None:
+            error, self._error = self._error, None
+            raise error
+
+    def _run(self) -> None:
+        rest = REST_TICKS
+        try:
+            while rest and not self._end.is_set():
+                self._pacer.wait()
+                self._paced(self._pacer)
+                self.lines.extend(self._tick())
+                rest -= self._finished()
+            self._stop()
+            self.lines.extend(self._tick())
+        except BaseException as error:  # told by `close`, in the main thread
+            self._error = error

@@ -1,0 +1,99 @@
+"""A rendered person, MediaPipe, `ik-camera`, service and a simulated robot, all of them real: it mirrors the person.
+
+What the robot measures goes through MuJoCo's kinematics; what the person does is known exactly.
+"""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from filmed import film
+from mirror_rig import PRESS, QUICK, STILL, Limbs, Watcher, angles, person_directions
+from processes import LIMIT, running
+from rendered_person import RenderedPerson
+
+from camera_client.models import ModelError, ensure_model
+from ik_client.joint_limiter import MotionLimits
+
+FAR = 12.0
+"""How far a limb of the robot may point from where the person's does [deg]."""
+SPEEDS = (0.5, 0.35)
+"""How fast the recording is played, one attempt after the other: on a machine that is busy with other tests frames are
+late, are guessed forward, and may be lost; the arms hold then, as they must."""
+FPS = 25.0
+
+
+@pytest.fixture(scope="module")
+def model() -> Path:
+    """The pose model."""
+    try:
+        return ensure_model("full")
+    except ModelError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture(scope="module")
+def recording(scene: RenderedPerson, model: Path, tmp_path_factory) -> Path:
+    """A T pose, both arms forward, the right arm up; the switch is pressed before."""
+    return film(tmp_path_factory.mktemp("film") / "quick.ikcam", scene, QUICK, lambda t: t >= PRESS, fps=FPS)
+
+
+def run(service: str, robot: str, recording: Path, folder: Path, *options: str) -> tuple[str, dict[str, Any]]:
+    """What `ik-camera run --replay` says, and its report."""
+    command = [sys.executable, "-m", "camera_client", "run", "--service", service, "--robot", robot, "--no-preview"]
+    command += ["--replay", str(recording), "--report", str(folder / "camera.json"), *options]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=2 * LIMIT)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    return done.stdout, json.loads((folder / "camera.json").read_text())
+
+
+def seen_angles(watcher: Watcher, first: float, speed: float) -> dict[str, np.ndarray]:
+    """Angles between the limbs of robot and person while the person stood still, by posture, shape (2, 2) [deg]."""
+    limbs, out = Limbs(), {}
+    for posture, (begin, end) in STILL.items():
+        then = watcher.between(first + begin / speed, first + end / speed)
+        assert len(then) > 5
+        directions = np.median([limbs.directions(one) for one in then], axis=0)
+        out[posture] = angles(directions, person_directions(QUICK, 0.5 * (begin + end)))
+    return out
+
+
+def seen_in_time(said: str, report: dict[str, Any]) -> bool:
+    """Whether the arms followed all the time, and nearly all frames were used while they were fresh."""
+    used = report["frames"]["seen"] > 0.9 * FPS * QUICK.duration
+    return said.count("arm: active") == 2 and used and report["stages_ms"]["whole"]["p95"] < 100.0
+
+
+def test_the_robot_mirrors_a_person(recording, service_process, tmp_path):
+    written = tmp_path / "robot.json"
+    command = ("sim_client", "--listen", "127.0.0.1:0", "--headless", "--eyes-to", "off", "--report", written)
+    with running(*command, log=tmp_path / "robot.log") as (process, ready):
+        url = f"tcp://{ready['listen']}"
+        for speed in SPEEDS:
+            with Watcher(url) as watcher:
+                said, report = run(service_process.tcp_url, url, recording, tmp_path, "--replay-speed", str(speed))
+            if seen_in_time(said, report):
+                break
+        process.terminate()
+        process.communicate(timeout=LIMIT)
+    if not seen_in_time(said, report):
+        pytest.skip(f"this machine is too busy to see in time: {report['stages_ms']['whole']}")
+    found = seen_angles(watcher, report["frames"]["first"], speed)
+    for posture, far in found.items():
+        assert far.max() <= FAR, (posture, found, said)
+    assert report["frames"]["with_a_body"] == report["frames"]["seen"] > 100
+    assert set(report["stages_ms"]) == {"camera", "landmarks", "lift", "filter", "wait", "ik", "command", "whole"}
+    # Home first, then to the operator, then with the operator; in the end the arms hold.
+    for words in ("coming to your posture", "following", "the source has ended", "the robot holds its arms"):
+        assert words in said
+    assert report["step_at_rest"] <= 1e-9
+    limits = MotionLimits()
+    numbers = json.loads(written.read_text())
+    assert 0.0 < numbers["largest_velocity"] <= limits.velocity * (1 + 1e-5)
+    assert numbers["largest_acceleration"] <= limits.acceleration * (1 + 1e-5)
+    assert numbers["step_while_disarmed"] <= 1e-9
