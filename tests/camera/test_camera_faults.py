@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from acted import ASIDE, BOTH_ACTIVE, Operator, Running, swaying
+from acted import ASIDE, BOTH_ACTIVE, LIMIT, Operator, Running, swaying
 from mirror_rig import Watcher
 from processes import running
 

@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 from looks import estimate, look
-from painted_person import BENT, HANGING, SPREAD, limbs
+from painted_person import BENT, DOWN, FORWARD, HANGING, LEFT, SPREAD, limbs
 
 from camera_client.approach import Approach, Stage
+from camera_client.clear_arms import ClearArms
 from camera_client.mirror import mirrored
 from camera_client.scaling import G1_ARMS, wrist_positions
 from camera_client.tracker import OLDEST, CameraTracker
 from ik_client.types import Hands
+from ik_proto.robots import load_description
 
 S = np.diag([1.0, -1.0, 1.0])
 
@@ -54,6 +56,26 @@ def test_wrists_are_the_robots_in_the_operators_directions():
     assert (found.left_elbow[3], found.right_elbow[3]) == (0.5, 1.0)
     assert found.weights is not None
     assert np.array_equal(found.weights, estimate(1.0).weights)
+
+
+def test_forearms_are_turned_out_of_the_robots_body_where_that_is_asked_for():
+    """Hands at the belly: asked for before it, on the person's side; arms that are clear are asked for as they are."""
+    at_the_belly = limbs((DOWN + 0.2 * LEFT, -0.9 * LEFT - 0.3 * FORWARD), (DOWN - 0.2 * LEFT, DOWN - 0.5 * LEFT))
+    clear = ClearArms(G1_ARMS, load_description("g1"))
+    asked = []
+    for turned in (clear, None):
+        source = tracker(clear=turned)
+        source.feed(look(1.0, estimate(1.0, at_the_belly)))
+        found = hands(source, 1.0)
+        assert found.left is not None
+        assert found.right is not None
+        asked.append((found.left.pose, found.right.pose))
+        assert found.left_elbow is not None
+    (left, right), (left_before, right_before) = asked
+    assert np.linalg.norm(left[:3, 3] - left_before[:3, 3]) > 0.05
+    assert np.array_equal(right, right_before)
+    assert left[:3, :3] @ left[:3, :3].T == pytest.approx(np.eye(3), abs=1e-9)
+    assert wrist_positions(at_the_belly, G1_ARMS)[0] == pytest.approx(left_before[:3, 3])
 
 
 def test_a_frame_that_is_old_shows_no_hands():
