@@ -23,7 +23,7 @@ examples:
   ik-camera --user ada                        then: hold the space bar, and the robot mirrors your arms
   ik-camera --enable pad:right_shoulder       hold a gamepad's button instead of the space bar
   ik-camera --enable pedal:/dev/input/event5  or a foot pedal
-  ik-camera --source webcam:0                 a camera without depth: about three times less exact
+  ik-camera --source webcam:0                 a camera without depth: about four times less exact
   ik-camera record monday.ikcam               keep what the camera sees
   ik-camera --replay monday.ikcam             play it again, without a camera
   ik-camera models                            make all pose models now, while there is a network

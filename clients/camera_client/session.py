@@ -84,7 +84,7 @@ def run(
     with contextlib.ExitStack() as stack:
         source = stack.enter_context(contextlib.closing(source_of(settings)))
         if not source.has_depth:
-            note("this source has no depth: wrists will be about three times as far off as with a depth camera")
+            note("this source has no depth: wrists will be about four times as far off as with a depth camera")
         detector = stack.enter_context(contextlib.closing(detector_of(settings.model, note)))
         access = settings.access.arguments()
         ca = Path(settings.access.ca) if settings.access.ca else None
