@@ -147,7 +147,7 @@ class RateLoop:
             tick.measured = self._port.read()
             self._last = first_command(tick.measured, tick.time)
         last = self._last
-        robot_fault = self._read(tick, len(last.q))
+        robot_fault = tick.read(self._port, self._waist, len(last.q))
         self._robot.look(tick.measured, robot_fault, last.engaged, tick.time)
         wish = self._look_at_operator(tick)
         self._judge(tick, wish, last)
@@ -180,18 +180,6 @@ class RateLoop:
             round_trip=tick.round_trip,
             fault=tick.fault,
         )
-
-    def _read(self, tick: Tick, n: int) -> str:
-        """Read the robot, unless that was done; give what is wrong."""
-        try:
-            measured = tick.measured or self._port.read()
-            usable(measured.q, n, "the measured joints")
-            usable(measured.dq, n, "the measured velocities")
-            tick.measured, tick.waist = measured, self._waist.update(measured.waist, tick.time)
-        except Exception as error:  # whatever a driver raises, the robot must be told to hold in this very tick
-            tick.measured = None
-            return tick.note(error)
-        return ""
 
     def _look_at_operator(self, tick: Tick) -> Wish | None:
         """What the operator wants; None where that is not known: an old wish, or one that is no numbers, is none."""

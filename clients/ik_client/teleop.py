@@ -177,7 +177,7 @@ class TeleopLoop:
             tick.measured = self._port.read()
             self._last = first_command(tick.measured, tick.time)
         last = self._last
-        robot_fault = self._read(tick, len(last.q))
+        robot_fault = tick.read(self._port, self._waist, len(last.q))
         self._robot.look(tick.measured, robot_fault, last.engaged, tick.time)
         self._look_at_hands(tick)
         steps = self._judge(tick, last)
@@ -190,18 +190,6 @@ class TeleopLoop:
             q = self._limiter.limit(last.q, q_wanted, self._since(last, tick))
         command = self._send(q, torque_on_the_way(last.q, q, q_wanted, last.tau, tau), tick.time)
         return tick.report(steps, command, tracking, _reason_of(steps))
-
-    def _read(self, tick: Tick, n: int) -> str:
-        """Read the robot, unless that was done; give what is wrong."""
-        try:
-            measured = tick.measured or self._port.read()
-            usable(measured.q, n, "the measured joints")
-            usable(measured.dq, n, "the measured velocities")
-            tick.measured, tick.waist = measured, self._waist.update(measured.waist, tick.time)
-        except Exception as error:  # whatever a driver raises, the robot must be told to hold in this very tick
-            tick.measured = None
-            return tick.note(error)
-        return ""
 
     def _look_at_hands(self, tick: Tick) -> None:
         try:

@@ -4,8 +4,9 @@ import numpy as np
 
 from ik_client.engagement import ArmStep
 from ik_client.errors import ServiceTimeout, ServiceUnavailable
+from ik_client.steady_waist import SteadyWaist
 from ik_client.tick_report import LoopState, Seed, TickReport
-from ik_client.types import Command, Hands, RobotState
+from ik_client.types import Command, Hands, RobotPort, RobotState
 from ik_proto import Array, SolveReply
 
 NO_HANDS = Hands(None, None)
@@ -48,6 +49,27 @@ class Tick:
         if not self.reason:
             self.reason, self.fault = text, None if isinstance(error, Hold) else error
         return text
+
+    def read(self, port: RobotPort, waist: SteadyWaist, n: int) -> str:
+        """Read the robot, unless that was done.
+
+        Args:
+            port: The robot.
+            waist: What takes the swing out of its waist.
+            n: How many joints it has.
+
+        Returns:
+            What is wrong, in one line; empty where nothing is.
+        """
+        try:
+            measured = self.measured or port.read()
+            usable(measured.q, n, "the measured joints")
+            usable(measured.dq, n, "the measured velocities")
+            self.measured, self.waist = measured, waist.update(measured.waist, self.time)
+        except Exception as error:  # whatever a driver raises, the robot must be told to hold in this very tick
+            self.measured = None
+            return self.note(error)
+        return ""
 
     def report(self, arms: tuple[ArmStep, ArmStep], command: Command, tracking: bool, why_held: str) -> TickReport:
         """What the tick did.
