@@ -1,8 +1,8 @@
 """The operator's arms as wrist targets: estimates in from the camera's thread, hands out to the teleop loop's.
 
     perception   feed, feed, ...        a frame and what became of it; the latest wins
-    loop         hands, hands, ...      prediction to when the command will count ─> mirror ─> out of the robot's body
-                                        ─> the robot's size
+    loop         hands, hands, ...      prediction to when the command will count ─> mirror ─> straight arms
+                                        ─> out of the robot's body ─> the robot's size
 
 - Both arms have one hold-to-run switch. Where it is not known whether it is held, the hands are lost for that tick.
 - A frame that is older than `OLDEST` is no look at anybody: both hands are lost. So it does not matter whether camera,
@@ -24,6 +24,7 @@ from camera_client.landmarks import Landmarks
 from camera_client.mirror import mirrored
 from camera_client.prediction import predicted
 from camera_client.scaling import RobotArms, elbow_hints, wrist_positions
+from camera_client.straight_arms import straightened
 from ik_client.hand import HandSample
 from ik_client.types import Hands
 
@@ -99,14 +100,14 @@ class CameraTracker:
         seen = arms.tracked & (arms.confidence >= LEAST_CONFIDENCE)
         seen &= held is not None and 0.0 <= now - look.captured <= OLDEST
         poses = np.tile(np.eye(4), (2, 1, 1))
-        limbs, R_pelvis_wrist = arms.limbs, arms.R_pelvis_wrist
+        limbs, R_pelvis_wrist = straightened(arms.limbs, arms.R_pelvis_wrist, self.robot.upper, self.robot.fore)
+        hints = elbow_hints(limbs, arms.elbow_confidence, self.robot)
         if self.clear is not None:
             limbs, R_pelvis_wrist = self.clear(limbs, R_pelvis_wrist)
         poses[:, :3, :3], poses[:, :3, 3] = R_pelvis_wrist, wrist_positions(limbs, self.robot)
         left, right = (
             HandSample(pose, held, look.captured, bool(there)) for pose, there in zip(poses, seen, strict=True)
         )
-        hints = elbow_hints(arms.limbs, arms.elbow_confidence, self.robot)
         elbows = [None if self._goes_home(side) else hint for side, hint in enumerate(hints)]
         weights = arms.weights
         weights[[self._goes_home(side) for side in (0, 1)]] = 1.0

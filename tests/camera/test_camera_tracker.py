@@ -8,7 +8,8 @@ from painted_person import BENT, DOWN, FORWARD, HANGING, LEFT, SPREAD, limbs
 from camera_client.approach import Approach, Stage
 from camera_client.clear_arms import ClearArms
 from camera_client.mirror import mirrored
-from camera_client.scaling import G1_ARMS, wrist_positions
+from camera_client.scaling import G1_ARMS, elbow_hints, wrist_positions
+from camera_client.straight_arms import straightened
 from camera_client.tracker import OLDEST, CameraTracker
 from ik_client.types import Hands
 from ik_proto.robots import load_description
@@ -24,6 +25,11 @@ def hands(source: CameraTracker, now: float) -> Hands:
     found = source.hands(now)
     assert found is not None
     return found
+
+
+def asked(limbs: np.ndarray) -> np.ndarray:
+    """The limbs that the robot is asked for where arms are clear of its body."""
+    return straightened(limbs, np.tile(np.eye(3), (2, 1, 1)), G1_ARMS.upper, G1_ARMS.fore)[0]
 
 
 def tracked(found: Hands) -> tuple[bool, bool]:
@@ -49,8 +55,8 @@ def test_wrists_are_the_robots_in_the_operators_directions():
     for side, hand in enumerate((found.left, found.right)):
         assert hand is not None
         assert hand.grip is True
-        assert np.allclose(hand.pose[:3, 3], wrist_positions(BENT, G1_ARMS)[side])
-        assert np.allclose(hand.pose[:3, 0], BENT[side, 1])  # the wrist's x is along the forearm
+        assert np.allclose(hand.pose[:3, 3], wrist_positions(asked(BENT), G1_ARMS)[side])
+        assert np.allclose(hand.pose[:3, 0], asked(BENT)[side, 1])  # the wrist's x is along the forearm
     assert found.left_elbow is not None
     assert found.right_elbow is not None
     assert (found.left_elbow[3], found.right_elbow[3]) == (0.5, 1.0)
@@ -62,20 +68,34 @@ def test_forearms_are_turned_out_of_the_robots_body_where_that_is_asked_for():
     """Hands at the belly: asked for before it, on the person's side; arms that are clear are asked for as they are."""
     at_the_belly = limbs((DOWN + 0.2 * LEFT, -0.9 * LEFT - 0.3 * FORWARD), (DOWN - 0.2 * LEFT, DOWN - 0.5 * LEFT))
     clear = ClearArms(G1_ARMS, load_description("g1"))
-    asked = []
+    poses = []
     for turned in (clear, None):
         source = tracker(clear=turned)
         source.feed(look(1.0, estimate(1.0, at_the_belly)))
         found = hands(source, 1.0)
         assert found.left is not None
         assert found.right is not None
-        asked.append((found.left.pose, found.right.pose))
+        poses.append((found.left.pose, found.right.pose))
         assert found.left_elbow is not None
-    (left, right), (left_before, right_before) = asked
+    (left, right), (left_before, right_before) = poses
     assert np.linalg.norm(left[:3, 3] - left_before[:3, 3]) > 0.05
     assert np.array_equal(right, right_before)
     assert left[:3, :3] @ left[:3, :3].T == pytest.approx(np.eye(3), abs=1e-9)
-    assert wrist_positions(at_the_belly, G1_ARMS)[0] == pytest.approx(left_before[:3, 3])
+    assert wrist_positions(asked(at_the_belly), G1_ARMS)[0] == pytest.approx(left_before[:3, 3])
+
+
+def test_a_bend_that_may_be_none_is_hardly_asked_for():
+    nearly = limbs((LEFT, LEFT + 0.1 * FORWARD), (-LEFT, -LEFT + 0.1 * DOWN))
+    source = tracker()
+    source.feed(look(1.0, estimate(1.0, nearly)))
+    found = hands(source, 1.0)
+    for side, (hand, hint) in enumerate(((found.left, found.left_elbow), (found.right, found.right_elbow))):
+        assert hand is not None
+        assert hint is not None
+        assert np.allclose(hand.pose[:3, 3], wrist_positions(asked(nearly), G1_ARMS)[side])
+        assert np.allclose(hand.pose[:3, 0], asked(nearly)[side, 1])
+        assert np.allclose(hint, elbow_hints(asked(nearly), np.array([0.5, 1.0]), G1_ARMS)[side])
+        assert asked(nearly)[side, 0] @ asked(nearly)[side, 1] > nearly[side, 0] @ nearly[side, 1]
 
 
 def test_a_frame_that_is_old_shows_no_hands():
@@ -140,7 +160,7 @@ def test_hands_are_where_they_will_be_when_the_command_counts():
         assert at_once.left is not None
         assert later.left is not None
         assert later.right is not None
-        assert np.allclose(later.right.pose[:3, 3], wrist_positions(BENT, G1_ARMS)[1])
+        assert np.allclose(later.right.pose[:3, 3], wrist_positions(asked(BENT), G1_ARMS)[1])
         moved[lead] = at_once.left.pose[2, 3], later.left.pose[2, 3]
     assert moved[0.0][0] < moved[0.0][1] == pytest.approx(moved[0.04][0])
     assert moved[0.04][0] < moved[0.04][1]
