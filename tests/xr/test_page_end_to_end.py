@@ -15,6 +15,8 @@ from ik_client import IKClient
 from ik_client.robot_end import RobotLink, RobotSilent
 from sim_client.gl import NoRendering, find_backend
 
+IN_THE_PICTURE = 0.01
+"""Share of the middle of a picture that is plainly another one with the arms in it; about four hundredths are."""
 ATTEMPTS = 8
 """A busy machine that stalls for a tenth of a second loses a hand; the next attempt goes on from there."""
 STEPS = 100
@@ -104,8 +106,14 @@ def eyes(picture: Path) -> tuple[np.ndarray, np.ndarray]:
     return grey[rows, : width // 2][:, columns], grey[rows, width // 2 :][:, columns]
 
 
+def changed(a: np.ndarray, b: np.ndarray) -> float:
+    """Share of a picture that is plainly different from another."""
+    return float((np.abs(a - b) > 40.0).mean())
+
+
 def test_an_emulated_hand_moves_the_robot(chromium, iwer, robot, service_process, tmp_path):
-    report, floor, arms = tmp_path / "report.json", tmp_path / "floor.png", tmp_path / "arms.png"
+    report = tmp_path / "report.json"
+    still, floor, arms = (tmp_path / f"{name}.png" for name in ("still", "floor", "arms"))
     command = ["xr_client", "--service", service_process.tcp_url, "--robot", robot, "--emulate", "--local-port", 0]
     with (
         running(*command, "--report", report, log=tmp_path / "log", env={"BROWSER": "true"}) as (process, ready),
@@ -119,6 +127,8 @@ def test_an_emulated_hand_moves_the_robot(chromium, iwer, robot, service_process
         tab.until("ikxr.hud && ikxr.hud.note === ''")  # the robot is ready
         tab.key("?")  # the keys' help lies over the picture
         tab.until("ikxr.stats.shown > 3")
+        tab.screenshot(still)
+        tab.until("(before) => ikxr.stats.shown > before + 3", tab.js("ikxr.stats.shown"))
         tab.screenshot(floor)
         for _ in range(ATTEMPTS):
             before = grip_until_active(tab)
@@ -139,8 +149,9 @@ def test_an_emulated_hand_moves_the_robot(chromium, iwer, robot, service_process
     assert "the robot holds" in said
 
     left, right = eyes(arms)
-    for eye, before_it in zip((left, right), eyes(floor), strict=True):
-        assert (np.abs(eye - before_it) > 40.0).mean() > 0.03, "the arms are not in the picture"
+    for eye, before_it, at_rest in zip((left, right), eyes(floor), eyes(still), strict=True):
+        assert changed(before_it, at_rest) < 0.2 * IN_THE_PICTURE
+        assert changed(eye, before_it) > IN_THE_PICTURE, "the arms are not in the picture"
     assert np.abs(left - right).mean() > 0.5, "both eyes see the same picture: no depth"
 
     stages = json.loads(report.read_text())["stages_ms"]
