@@ -1,9 +1,12 @@
 """A rendered person, MediaPipe, `ik-camera`, service and a simulated robot, all of them real: it mirrors the person.
 
+The operator is calibrated first, as every operator should be.
+
 What the robot measures goes through MuJoCo's kinematics; what the person does is known exactly.
 """
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from choreography import Choreography
 from filmed import film
 from mirror_rig import PRESS, QUICK, STILL, Limbs, Watcher, angles, person_directions
 from processes import LIMIT, running
@@ -22,10 +26,12 @@ from ik_client.joint_limiter import MotionLimits
 FAR = 12.0
 """How far a limb of the robot may point from where the person's does [deg]."""
 SPEEDS = (0.5, 0.5, 0.35)
-"""How fast the recording is played, one attempt after the other: on a machine that is busy with other tests frames are
-late, are guessed forward, and may be lost; the arms hold then, as they must. Depth noise and the solver's way take an
-arm to 8 to 11 degrees, and in one attempt of four beyond the bound."""
+"""How fast the recording is played. The first attempt in which the frames were seen in time counts: on a machine that
+is busy with other tests they are late, are guessed forward, and may be lost; the arms hold then, as they must."""
 FPS = 25.0
+T_POSE = Choreography(keys=((0.0, "T", "T"), (7.0, "T", "T")))
+"""What the operator is calibrated on."""
+CALIBRATION_FPS = 15.0
 
 
 @pytest.fixture(scope="module")
@@ -43,14 +49,30 @@ def recording(scene: RenderedPerson, model: Path, tmp_path_factory) -> Path:
     return film(tmp_path_factory.mktemp("film") / "quick.ikcam", scene, QUICK, lambda t: t >= PRESS, fps=FPS)
 
 
-def run(service: str, robot: str, recording: Path, folder: Path, *options: str) -> tuple[str, dict[str, Any]]:
-    """What `ik-camera run --replay` says, and its report."""
-    command = [sys.executable, "-m", "camera_client", "run", "--service", service, "--robot", robot, "--no-preview"]
-    command += ["--replay", str(recording), "--report", str(folder / "camera.json"), *options]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=2 * LIMIT)
+@pytest.fixture(scope="module")
+def operator(scene: RenderedPerson, model: Path, tmp_path_factory) -> Path:
+    """Folder of the settings of a user who has calibrated as "ada"."""
+    folder = tmp_path_factory.mktemp("settings")
+    recording = film(folder / "t-pose.ikcam", scene, T_POSE, fps=CALIBRATION_FPS, seed=1)
+    said = ik_camera(folder, "calibrate", "--user", "ada", "--replay", str(recording))
+    assert "upper arm" in said
+    return folder
+
+
+def ik_camera(settings: Path, *arguments: str) -> str:
+    """What `ik-camera` says to a user whose settings are in a folder."""
+    command = [sys.executable, "-m", "camera_client", *arguments]
+    environment = {**os.environ, "XDG_CONFIG_HOME": str(settings)}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=2 * LIMIT, env=environment)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
-    return done.stdout, json.loads((folder / "camera.json").read_text())
+    return done.stdout
+
+
+def run(service: str, robot: str, recording: Path, operator: Path, report: Path, speed: float) -> str:
+    """What `ik-camera run --replay` says."""
+    ends = ("--service", service, "--robot", robot, "--report", str(report), "--no-preview")
+    return ik_camera(operator, "run", "--user", "ada", "--replay", str(recording), "--replay-speed", str(speed), *ends)
 
 
 def seen_angles(watcher: Watcher, first: float, speed: float) -> dict[str, np.ndarray]:
@@ -70,25 +92,23 @@ def seen_in_time(said: str, report: dict[str, Any]) -> bool:
     return said.count("arm: active") == 2 and used and report["stages_ms"]["whole"]["p95"] < 100.0
 
 
-def test_the_robot_mirrors_a_person(recording, service_process, tmp_path):
-    seen: list[dict[str, np.ndarray]] = []
-    written = tmp_path / "robot.json"
-    command = ("sim_client", "--listen", "127.0.0.1:0", "--headless", "--eyes-to", "off", "--report", written)
+def test_the_robot_mirrors_a_person(recording, operator, service_process, tmp_path):
+    written, robot_written = tmp_path / "camera.json", tmp_path / "robot.json"
+    command = ("sim_client", "--listen", "127.0.0.1:0", "--headless", "--eyes-to", "off", "--report", robot_written)
     with running(*command, log=tmp_path / "robot.log") as (process, ready):
         url = f"tcp://{ready['listen']}"
         for speed in SPEEDS:
             with Watcher(url) as watcher:
-                said, report = run(service_process.tcp_url, url, recording, tmp_path, "--replay-speed", str(speed))
+                said = run(service_process.tcp_url, url, recording, operator, written, speed)
+            report = json.loads(written.read_text())
             if seen_in_time(said, report):
-                seen.append(seen_angles(watcher, report["frames"]["first"], speed))
-                if max(far.max() for far in seen[-1].values()) <= FAR:
-                    break
+                break
+        else:
+            pytest.skip(f"this machine is too busy to see in time: {report['stages_ms']['whole']}")
         process.terminate()
         process.communicate(timeout=LIMIT)
-    if not seen:
-        pytest.skip(f"this machine is too busy to see in time: {report['stages_ms']['whole']}")
-    for posture, far in seen[-1].items():
-        assert far.max() <= FAR, (posture, seen, said)
+    for posture, far in seen_angles(watcher, report["frames"]["first"], speed).items():
+        assert far.max() <= FAR, (posture, far, said)
     assert report["frames"]["with_a_body"] == report["frames"]["seen"] > 100
     assert set(report["stages_ms"]) == {"camera", "landmarks", "lift", "filter", "wait", "ik", "command", "whole"}
     # Home first, then to the operator, then with the operator; in the end the arms hold.
@@ -96,7 +116,7 @@ def test_the_robot_mirrors_a_person(recording, service_process, tmp_path):
         assert words in said
     assert report["step_at_rest"] <= 1e-9
     limits = MotionLimits()
-    numbers = json.loads(written.read_text())
+    numbers = json.loads(robot_written.read_text())
     assert 0.0 < numbers["largest_velocity"] <= limits.velocity * (1 + 1e-5)
     assert numbers["largest_acceleration"] <= limits.acceleration * (1 + 1e-5)
     assert numbers["step_while_disarmed"] <= 1e-9
