@@ -101,7 +101,7 @@ class CameraTracker:
         poses = np.tile(np.eye(4), (2, 1, 1))
         limbs, R_pelvis_wrist = arms.limbs, arms.R_pelvis_wrist
         if self.clear is not None:
-            limbs, R_pelvis_wrist = self.clear(limbs, R_pelvis_wrist)
+            limbs, R_pelvis_wrist = self.clear(limbs, R_pelvis_wrist, self.robot)
         poses[:, :3, :3], poses[:, :3, 3] = R_pelvis_wrist, wrist_positions(limbs, self.robot)
         left, right = (
             HandSample(pose, held, look.captured, bool(there)) for pose, there in zip(poses, seen, strict=True)
