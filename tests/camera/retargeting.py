@@ -3,13 +3,18 @@
 Wrist basis, way out of the body, scaling, inverse kinematics, limiter and the check behind it. The check belongs to it:
 between two clear answers an arm's momentum takes it into the body, and a solver that begins there opens on whichever
 side is nearer.
+
+What is possible is judged by itself, whatever the robot does, so that two ways of following are judged by the same
+frames. Where a possible upper arm is missed, experiments with that one request say why (`missed`).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
+from missed import Missed
 from numpy.typing import NDArray
 from skinned_person import Array
 
@@ -17,7 +22,7 @@ from camera_client.clear_arms import ClearArms
 from camera_client.estimate import ORIENTATION_FLOOR
 from camera_client.scaling import G1_ARMS, elbow_hints, wrist_positions
 from camera_client.wrist_basis import WristBasis, flexion_weight
-from ik_client.clear_way import ClearWay
+from ik_client.clear_way import KEPT, ClearWay
 from ik_client.joint_limiter import JointLimiter
 from ik_proto.robots import RobotDescription
 from ik_service.gauge import Gauge
@@ -30,6 +35,12 @@ REACHED = 0.01, np.radians(10.0)
 """A wrist this near its target, and this little turned, is where it was wanted [m, rad]."""
 ELBOW_LIKE = 12.0
 """An upper arm this near the person's is like it [degree]."""
+SAMPLES = 9
+"""Postures that are looked at between a command and the last answer."""
+
+Start = Literal["command", "answer", "unlimited"]
+"""Where an answer begins: from the last command, as the loop has it; from the last answer, where the straight way to it
+from the command is clear; or from a command that is the answer, of a robot without limits of speed."""
 
 
 @dataclass(frozen=True)
@@ -41,23 +52,46 @@ class Replay:
         commanded: Joints as limited, shape (n, nq) [rad].
         clearance: Of the command, shape (n,) [m].
         elbow_off: Angle between the upper arms of person and answer, shape (n, 2) [degree].
+        robot_off: Angle between the upper arms of person and command, shape (n, 2) [degree].
         wrist_off: Of the answer from its target, shape (n, 2) [m].
         turn_off: The same of its orientation, shape (n, 2) [rad].
-        possible: Whether some posture within limits and clear of the body, looked for from many starts, has the wrist
-            where the person's is, not where it is moved to, and the upper arm like the person's, shape (n, 2).
+        possible: As in `Possible`, shape (n, 2).
         velocity: Of the command, shape (n, nq) [rad/s].
         acceleration: Of the command, shape (n, nq) [rad/s^2].
+        causes: Why an upper arm that is possible is not like the person's, None where it is, shape (n, 2).
     """
 
     wanted: Array
     commanded: Array
     clearance: Array
     elbow_off: Array
+    robot_off: Array
     wrist_off: Array
     turn_off: Array
     possible: NDArray[np.bool_]
     velocity: Array
     acceleration: Array
+    causes: NDArray[np.object_]
+
+    def judged(self) -> NDArray[np.bool_]:
+        """What is possible, but for the first second: the robot begins with its arms elsewhere."""
+        possible = self.possible.copy()
+        possible[: round(RATE)] = False
+        return possible
+
+
+@dataclass(frozen=True)
+class Possible:
+    """What of a clip a robot could do that had time.
+
+    Attributes:
+        arms: Whether some posture within limits and clear of the body, looked for from many starts, has the wrist where
+            the person's is, not where it is moved to, and the upper arm like the person's, shape (n, 2).
+        q: Such a posture, its arm's part NaN where there is none, shape (n, nq) [rad].
+    """
+
+    arms: NDArray[np.bool_]
+    q: Array
 
 
 class Retargeting:
@@ -78,39 +112,79 @@ class Retargeting:
         self._data = self._model.createData()
         self._base = self._model.getFrameId(description.base)
 
-    def replay(self, limbs: Array, *, kept_clear: bool = True) -> Replay:
+    def replay(
+        self,
+        limbs: Array,
+        *,
+        kept_clear: bool = True,
+        start: Start = "command",
+        possible: Possible | None = None,
+    ) -> Replay:
         """Do a clip.
 
         Args:
             limbs: Unit directions of upper arms and forearms at `RATE`, pelvis frame, shape (n, 2, 2, 3).
             kept_clear: Whether forearms are kept out of the body.
+            start: Where answers begin.
+            possible: What `possible` says of the clip; None asks it.
         """
-        robot, basis = self._robot, WristBasis()
+        robot, possible = self._robot, possible or self.possible(limbs)
         limiter = JointLimiter(robot.nq, 1.0 / RATE, lower=robot.lower, upper=robot.upper)
         way = ClearWay(limiter, lambda q, _: self._gauge.clearance(q)[0])
-        command = np.zeros(robot.nq)
+        command = last = np.zeros(robot.nq)
         rows = []
-        for now in limbs:
-            R = basis.update(now[:, 0], now[:, 1], 1.0 / RATE, np.ones(2))
-            turned = ORIENTATION_FLOOR + (1.0 - ORIENTATION_FLOOR) * flexion_weight(now[:, 0], now[:, 1])
-            weights = np.stack([np.ones(2), turned], axis=1)
+        for k, (now, R, weights) in enumerate(_asked(limbs)):
             asked = self._clear(now, R) if kept_clear else (now, R)
-            answer = self._solver.solve(q=command, weights=weights, **_request(*asked))
-            any_answer = self._solver.solve(q=command, weights=weights, mode="reach", **_request(now, R))
-            command = way.step(command, answer.q, 1.0 / RATE, None)
+            q = last if start == "answer" and self._clear_between(command, last) else command
+            answer = self._solver.solve(q=q, weights=weights, **_request(*asked))
+            off = self._elbow_off(answer.q, now)
+            causes = [None, None]
+            for side in np.flatnonzero(possible.arms[k] & (off > ELBOW_LIKE)):
+                missed = Missed(self._solver, weights, lambda q, side=side, now=now: self._like(q, now, side))
+                ideal = np.where(_joints(side, robot.nq), possible.q[k], q)
+                causes[side] = missed.cause(q, ideal, _request(now, R), _request(*asked))
+            last = answer.q
+            command = last.copy() if start == "unlimited" else way.step(command, last, 1.0 / RATE, None)
             clearance = self._gauge.clearance(command[None])[0][0]
-            off, any_off = self._elbow_off(answer.q, now), self._elbow_off(any_answer.q, now)
-            there = (any_answer.position_error < REACHED[0]) & (any_answer.rotation_error < REACHED[1])
-            possible = there & (any_off < ELBOW_LIKE)
             motion = limiter.velocity, limiter.acceleration
             errors = answer.position_error, answer.rotation_error
-            rows.append((answer.q, command, clearance, off, *errors, possible, *motion))
+            done = self._elbow_off(command, now)
+            rows.append((last, command, clearance, off, done, *errors, possible.arms[k], *motion, causes))
         return Replay(*(np.array(column) for column in zip(*rows, strict=True)))
+
+    def possible(self, limbs: Array) -> Possible:
+        """Judge what of a clip is possible; as in `replay`. Looked for from where it was found last, and from afar."""
+        nq = self._robot.nq
+        found, arms, q = np.zeros(nq), np.zeros((len(limbs), 2), dtype=bool), np.full((len(limbs), nq), np.nan)
+        for k, (now, R, weights) in enumerate(_asked(limbs)):
+            for begin in (found, np.zeros(nq)):
+                answer = self._solver.solve(q=begin, weights=weights, mode="reach", **_request(now, R))
+                there = (answer.position_error < REACHED[0]) & (answer.rotation_error < REACHED[1])
+                there &= self._elbow_off(answer.q, now) < ELBOW_LIKE
+                for side in np.flatnonzero(there & ~arms[k]):
+                    arms[k, side] = True
+                    q[k] = np.where(_joints(side, nq), answer.q, q[k])
+                if arms[k].all():
+                    break
+            found = np.where(np.isfinite(q[k]), q[k], found)
+        return Possible(arms, q)
+
+    def upper_arms(self, q: Array) -> Array:
+        """Unit directions of both upper arms, base frame, shape (2, 3)."""
+        upper = self._upper_arms(q)
+        return upper / np.linalg.norm(upper, axis=1, keepdims=True)
+
+    def _like(self, q: Array, limbs: Array, side: int) -> bool:
+        return bool(self._elbow_off(q, limbs)[side] <= ELBOW_LIKE)
+
+    def _clear_between(self, q: Array, q_end: Array) -> bool:
+        """Whether the straight way between two postures is as clear as commands are kept."""
+        way = q + np.linspace(0.0, 1.0, SAMPLES)[:, None] * (q_end - q)
+        return bool(self._gauge.clearance(way)[0].min() >= KEPT)
 
     def _elbow_off(self, q: Array, limbs: Array) -> Array:
         """Angle between upper arms of robot and person, shape (2,) [degree]."""
-        upper = self._upper_arms(q)
-        cosine = (upper * limbs[:, 0]).sum(axis=1) / np.linalg.norm(upper, axis=1)
+        cosine = (self.upper_arms(q) * limbs[:, 0]).sum(axis=1)
         return np.degrees(np.arccos(cosine.clip(-1.0, 1.0)))
 
     def _upper_arms(self, q: Array) -> Array:
@@ -125,6 +199,20 @@ class Retargeting:
             for arm in self._robot.arms
         ]
         return np.diff(np.array(ends), axis=1)[:, 0]
+
+
+def _joints(side: int, nq: int) -> NDArray[np.bool_]:
+    """Which joints are those of an arm."""
+    return np.arange(nq) // (nq // 2) == side
+
+
+def _asked(limbs: Array) -> Iterator[tuple[Array, Array, Array]]:
+    """Limbs, orientations of the wrists and weights of the targets, of each tick."""
+    basis = WristBasis()
+    for now in limbs:
+        R = basis.update(now[:, 0], now[:, 1], 1.0 / RATE, np.ones(2))
+        turned = ORIENTATION_FLOOR + (1.0 - ORIENTATION_FLOOR) * flexion_weight(now[:, 0], now[:, 1])
+        yield now, R, np.stack([np.ones(2), turned], axis=1)
 
 
 def _request(limbs: Array, R_pelvis_wrist: Array) -> dict[str, Any]:

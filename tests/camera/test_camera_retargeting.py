@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from human_motion import HumanMotion, human_motions
+from missed import Cause
 from retargeting import ELBOW_LIKE, RATE, Replay, Retargeting
 
 from ik_client.clear_way import KEPT
@@ -32,8 +33,6 @@ SOME = {
 """Of some clips, of which share the person's arm is possible at least, of which share of that the elbow is like the
 person's, and the largest step of a joint from one answer to the next [rad]. In the last four hands are at the thighs or
 before the belly, where the robot's body is, most of the time; the last moves faster than the robot may."""
-SETTLED = round(RATE)
-"""The robot begins with its arms elsewhere [ticks]."""
 
 
 @pytest.fixture(scope="module")
@@ -76,11 +75,12 @@ def test_elbows_are_the_persons_where_they_can_be(
 ):
     replay = retargeting.replay(motions[name].at(RATE, most=9.0))
     assert_within_bounds(replay, robot)
-    possible = replay.possible.copy()
-    possible[:SETTLED] = False
+    possible = replay.judged()
     least_possible, least_like, largest_step = SOME[name]
     assert possible.mean() > least_possible
     assert (replay.elbow_off[possible] <= ELBOW_LIKE).mean() >= least_like
+    missed = possible & (replay.elbow_off > ELBOW_LIKE)
+    assert [cause is not None for cause in replay.causes[possible]] == missed[possible].tolist()
     assert np.abs(np.diff(replay.wanted, axis=0)).max() < largest_step
 
 
@@ -88,9 +88,32 @@ def test_elbows_are_the_persons_where_they_can_be(
 def test_without_a_way_out_an_arm_is_caught_by_the_body(motions: dict[str, HumanMotion], retargeting: Retargeting):
     """The negative control: the solver alone avoids the body too, but not on the person's side of it."""
     replay = retargeting.replay(motions["kick_level3_filter"].at(RATE), kept_clear=False)
-    possible = replay.possible.copy()
-    possible[:SETTLED] = False
-    assert (replay.elbow_off[possible] <= ELBOW_LIKE).mean() < 0.9
+    assert (replay.elbow_off[replay.judged()] <= ELBOW_LIKE).mean() < 0.9
+
+
+@pytest.mark.timeout(300)
+def test_arms_are_missed_where_the_robot_is_behind(motions: dict[str, HumanMotion], retargeting: Retargeting):
+    """A robot without limits of speed misses nothing of a jump that this one misses half of."""
+    limbs = motions["jump_degree_level1_filter"].at(RATE)
+    possible = retargeting.possible(limbs)
+    replay, unlimited = (
+        retargeting.replay(limbs, possible=possible, start=start) for start in ("command", "unlimited")
+    )
+    judged = replay.judged()
+    assert (replay.elbow_off[judged] <= ELBOW_LIKE).mean() < 0.7
+    assert (unlimited.elbow_off[judged] <= ELBOW_LIKE).mean() >= 0.99
+    assert {Cause.LATE, Cause.OTHER_BEND} >= {cause for cause in replay.causes[judged] if cause}
+
+
+def test_what_is_possible_is_the_arm_as_the_person_has_it(motions: dict[str, HumanMotion], retargeting: Retargeting):
+    limbs = motions["Bolt_level1"].at(RATE, most=1.0)
+    possible = retargeting.possible(limbs)
+    assert 0.3 < possible.arms.mean() < 0.9
+    assert np.array_equal(np.isfinite(possible.q).reshape(-1, 2, 7).all(axis=2), possible.arms)
+    for now, q, (left, right) in zip(limbs, possible.q, possible.arms, strict=True):
+        upper = retargeting.upper_arms(np.nan_to_num(q))
+        off = np.degrees(np.arccos((upper * now[:, 0]).sum(axis=1).clip(-1.0, 1.0)))
+        assert (off[[left, right]] < ELBOW_LIKE).all()
 
 
 @pytest.mark.slow
