@@ -31,7 +31,7 @@ from rich.table import Table
 
 from benchmarks.dances.means import ELBOW_LIKE, FPS, takes
 from benchmarks.dances.measure import CHAINS, Danced, budget, danced, rendered
-from benchmarks.dances.replays import replayed
+from benchmarks.dances.replays import replayed, replayed_bent
 from benchmarks.environment import environment
 from benchmarks.load.results import Verdict, at_most, judge, save, verdict_documents
 from camera_client.models import ModelError
@@ -163,7 +163,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             first = rendered(chosen[0], data / "camera", Path(folder), lambda: None)
             remains = budget(chosen[0], first, seeds[0])
             progress.update(task, description="recorded motion")
-            replays = list(replayed(data / "human", options.quick)) if (data / "human" / "smpl").is_dir() else []
+            recorded = (data / "human" / "smpl").is_dir()
+            replays = list(replayed(data / "human", options.quick)) if recorded else []
+            bent = list(replayed_bent(data / "human")) if recorded and not options.quick else []
     except (ModelError, NoMediaPipe, NoRendering) as error:
         print(f"camera: {error}", file=sys.stderr)
         return 1
@@ -183,6 +185,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "dances": [row.document() for row in rows],
         "budget": {"body": chosen[0].subject.name, "scores": {name: asdict(score) for name, score in remains.items()}},
         "replays": replays,
+        "bent": bent,
         "elbow_like": ELBOW_LIKE,
         "verdicts": verdict_documents(judged),
     }
@@ -202,6 +205,7 @@ def _replays_alone(folder: Path, options: argparse.Namespace, console: Console) 
         "kind": "camera",
         "environment": environment(PACKAGES),
         "replays": replays,
+        "bent": [] if options.quick else list(replayed_bent(folder)),
         "elbow_like": ELBOW_LIKE,
         "verdicts": verdict_documents(judged),
     }

@@ -15,8 +15,11 @@ BUDGET = "<!-- budget: begin -->", "<!-- budget: end -->"
 REPLAYS = "<!-- replays: begin -->", "<!-- replays: end -->"
 MISSED = "<!-- missed: begin -->", "<!-- missed: end -->"
 
+BENT = "<!-- bent: begin -->", "<!-- bent: end -->"
+
 CAUSES = ("late", "other bend", "in the way", "other arm", "moved", "asked")
 """Why upper arms are missed, as `tests/camera/missed.py` says."""
+_KNOWN = ("known", "unknown")
 
 
 def fill(page: str, numbers: Mapping[str, Any]) -> str:
@@ -25,7 +28,8 @@ def fill(page: str, numbers: Mapping[str, Any]) -> str:
         page = between(page, *DANCES, lambda: "\n".join(_dances(numbers)))
         page = between(page, *BUDGET, lambda: "\n".join(_budget(numbers)))
     page = between(page, *REPLAYS, lambda: "\n".join(_replays(numbers)))
-    return between(page, *MISSED, lambda: "\n".join(_missed(numbers)))
+    page = between(page, *MISSED, lambda: "\n".join(_missed(numbers)))
+    return between(page, *BENT, lambda: "\n".join(_bent(numbers)))
 
 
 def _dances(numbers: Mapping[str, Any]) -> Iterator[str]:
@@ -119,6 +123,16 @@ def _missed(numbers: Mapping[str, Any]) -> Iterator[str]:
                 *(_share(some, of, "judged") for of in ("unlimited", "onward_answer", "onward_robot")),
             ]
             for name, some, why in [*rows, ("all", arms, causes)]
+        ],
+    )
+
+
+def _bent(numbers: Mapping[str, Any]) -> Iterator[str]:
+    yield from _table(
+        ["waist", "blocked, its bend known", "not known", "robot's elbow within, known", "not known"],
+        [
+            [row["waist"], *(f"{row[known][number]:.1%}" for number in ("blocked", "robot_like") for known in _KNOWN)]
+            for row in numbers["bent"]
         ],
     )
 

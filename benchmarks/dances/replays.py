@@ -21,12 +21,15 @@ _CLIMB_S = 30.0
 """How much of the long clip is replayed [s]."""
 
 
+_WAISTS = {"forward": (0.0, 0.0, 0.3), "aside": (0.0, 0.25, 0.0), "turned": (0.4, 0.0, 0.0)}
+"""How a waist is bent: yaw, roll, pitch [rad]."""
+_AT_THE_BODY = ("walk_level1", "kick_level3", "squat_level3", "step_forward_forward_level2", "side_jump_level1")
+"""Clips of calm people whose hands are near their bodies."""
+
+
 def replayed(folder: Path, quick: bool) -> Iterator[dict[str, Any]]:
     """Take people's motion to the robot, clip by clip."""
-    description = load_description("g1")
-    robot = Robot.load(description)
-    kernel = load_kernel(robot)
-    retargeting = Retargeting(robot, Solver(robot, kernel, Preset.of(description, "precise")), description)
+    robot, retargeting = _robot(None)
     motions = human_motions(folder)
     for motion in motions[::6] if quick else motions:
         limbs = motion.at(RATE, _CLIMB_S)
@@ -47,6 +50,29 @@ def replayed(folder: Path, quick: bool) -> Iterator[dict[str, Any]]:
             "causes": dict(Counter(str(cause) for cause in replay.causes[judged] if cause)),
             "arms": _counts(retargeting, robot, limbs, possible, replay),
         }
+
+
+def replayed_bent(folder: Path) -> Iterator[dict[str, Any]]:
+    """Take calm people's motion to a robot whose waist is bent, which is known to the way out of its body or is not."""
+    motions = [motion for motion in human_motions(folder) if motion.name.startswith(_AT_THE_BODY)]
+    for name, waist in _WAISTS.items():
+        _, retargeting = _robot(np.array(waist))
+        row: dict[str, Any] = {"waist": name}
+        for knows in (True, False):
+            replays = [retargeting.replay(motion.at(RATE), knows_waist=knows) for motion in motions]
+            off = np.concatenate([replay.robot_off[replay.judged()] for replay in replays])
+            row["known" if knows else "unknown"] = {
+                "blocked": float(np.concatenate([replay.blocked for replay in replays]).mean()),
+                "robot_like": float((off <= ELBOW_LIKE).mean()),
+            }
+        yield row
+
+
+def _robot(waist: Array | None) -> tuple[Robot, Retargeting]:
+    description = load_description("g1")
+    robot = Robot.load(description)
+    solver = Solver(robot, load_kernel(robot), Preset.of(description, "precise"))
+    return robot, Retargeting(robot, solver, description, waist)
 
 
 def _counts(retargeting: Retargeting, robot: Robot, limbs: Array, possible: Possible, replay: Replay) -> dict[str, int]:

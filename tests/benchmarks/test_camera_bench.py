@@ -47,6 +47,13 @@ REPLAY: dict[str, Any] = {
 }
 
 
+BENT: dict[str, Any] = {
+    "waist": "forward",
+    "known": {"blocked": 0.01, "robot_like": 0.99},
+    "unknown": {"blocked": 0.2, "robot_like": 0.95},
+}
+
+
 def row(dance: str = "full", milliseconds: float = 1.5, **changed: Any) -> Danced:
     scores = {chain: [Score(**GOOD)] for chain in CHAINS}
     # Another seed, which is worse in what is changed.
@@ -102,6 +109,7 @@ def test_the_page_takes_the_tables() -> None:
         "dances": [row().document()],
         "budget": {"body": "somebody", "scores": {"exact depth": GOOD}},
         "replays": [REPLAY],
+        "bent": [BENT],
         "elbow_like": 12.0,
     }
     filled = page.fill(text, numbers)
@@ -113,8 +121,9 @@ def test_the_page_takes_the_tables() -> None:
     assert f"| walk | {missed}" in filled
     assert f"| all | {missed}" in filled
     assert page.fill(filled, numbers) == filled
+    assert "| forward | 1.0% | 20.0% | 99.0% | 95.0% |" in filled
     # Replays alone leave the rest as it is.
-    alone = {"replays": [REPLAY | {"clip": "run"}], "elbow_like": 12.0}
+    alone = {"replays": [REPLAY | {"clip": "run"}], "bent": [BENT], "elbow_like": 12.0}
     assert page.fill(filled, alone) == filled.replace("| walk |", "| run |")
 
 
