@@ -21,7 +21,7 @@ from ik_service.robot import Robot
 from ik_service.solver import Solver
 
 SOME = {
-    "climb_1": (0.9, 0.99, 0.99, 0.1),
+    "climb_1": (0.86, 0.99, 0.99, 0.1),
     "side_jump_level4_filter": (0.55, 0.99, 0.75, 0.2),
     "single_foot_balance_level3_filter": (0.55, 0.99, 0.99, 0.2),
     "squat_level3_filter": (0.55, 0.99, 0.99, 0.2),
