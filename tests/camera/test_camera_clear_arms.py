@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from looks import look
 
 from camera_client.clear_arms import FOREARM_FROM, ClearArms, segment_distances
 from camera_client.robot_arms import robot_geometry
 from camera_client.scaling import G1_ARMS, shoulder_positions
+from camera_client.tracker import CameraTracker
 from camera_client.vectors import length, rotate, unit
 from camera_client.wrist_basis import WristBasis
 from ik_proto.robots import load_description
@@ -249,3 +251,19 @@ def test_arms_of_a_trunk_that_turns_are_moved_as_it_turns():
     turned, _ = CLEAR_ARMS(bent, robot.R_waist @ hands_of(straight), robot)
     assert np.abs(moved - straight).max() > 0.01
     assert np.allclose(turned, moved @ robot.R_waist.T, atol=1e-9)
+
+
+def test_the_tracker_says_how_the_waist_stands():
+    told = []
+
+    class Watched(ClearArms):
+        def __call__(self, limbs, R_pelvis_wrist, robot=None):
+            told.append(robot)
+            return super().__call__(limbs, R_pelvis_wrist, robot)
+
+    source = CameraTracker(G1_ARMS, lambda _now: True, clear=Watched(G1_ARMS, DESCRIPTION))
+    source.feed(look(1.0))
+    source.hands(1.0)
+    source.robot = GEOMETRY.bent(WAISTS[0])
+    source.hands(1.0)
+    assert told == [G1_ARMS, source.robot]

@@ -8,7 +8,6 @@ from painted_person import BENT, DOWN, FORWARD, HANGING, LEFT, SPREAD, limbs
 from camera_client.approach import Approach, Stage
 from camera_client.clear_arms import ClearArms
 from camera_client.mirror import mirrored
-from camera_client.robot_arms import robot_geometry
 from camera_client.scaling import G1_ARMS, wrist_positions
 from camera_client.tracker import OLDEST, CameraTracker
 from ik_client.types import Hands
@@ -77,24 +76,6 @@ def test_forearms_are_turned_out_of_the_robots_body_where_that_is_asked_for():
     assert np.array_equal(right, right_before)
     assert left[:3, :3] @ left[:3, :3].T == pytest.approx(np.eye(3), abs=1e-9)
     assert wrist_positions(at_the_belly, G1_ARMS)[0] == pytest.approx(left_before[:3, 3])
-
-
-def test_forearms_are_turned_out_of_a_body_that_bends():
-    """A trunk that is turned has its hips elsewhere: what was beside it is asked for further out."""
-    description = load_description("g1")
-    geometry = robot_geometry(description)
-    clear = ClearArms(geometry.arms, description)
-    source = tracker(clear=clear)
-    source.robot = robot = geometry.bent(np.array([0.0, 0.3, 0.0]))
-    at_the_thighs = limbs((DOWN + 0.1 * LEFT, DOWN), (DOWN - 0.1 * LEFT, DOWN))
-    now = estimate(1.0, at_the_thighs)
-    source.feed(look(1.0, now))
-    found = hands(source, 1.0)
-    moved, _ = clear(at_the_thighs, now.R_pelvis_wrist, robot)
-    for side, hand in enumerate((found.left, found.right)):
-        assert hand is not None
-        assert np.array_equal(hand.pose[:3, 3], wrist_positions(moved, robot)[side])
-    assert np.linalg.norm(moved - clear(at_the_thighs, now.R_pelvis_wrist)[0]) > 0.05
 
 
 def test_a_frame_that_is_old_shows_no_hands():
