@@ -1,11 +1,12 @@
 """How well does the camera client follow arms? Rendered people with known joints, real landmarks, three chains.
 
-    python benchmarks/camera.py [--quick] [--material FOLDER] [--json FILE] [--chart FILE]
+    python benchmarks/camera.py [--quick] [--replays] [--material FOLDER] [--json FILE] [--chart FILE]
 
 People who were never seen while the chain was made dance before a rendered depth camera: the full dance, and one drawn
 at random. MediaPipe's *full* model finds their landmarks, depth gets an OAK's noise, and an operator is calibrated on
 the T pose of the same dance. On the same frames: this chain, the same without depth (a webcam), and the published one.
 Then recorded motion of people is taken to the robot: wrist basis, way out of the body, inverse kinematics, limiter.
+That alone: `--replays`.
 
 Rendering and MediaPipe take most of the time; `--material` keeps what they gave. Data: `../shared/data`, or `$IK_DATA`.
 Exit code 1: the full dance was followed worse than was asked, or the robot left its bounds.
@@ -29,7 +30,8 @@ from rich.progress import Progress
 from rich.table import Table
 
 from benchmarks.dances.means import ELBOW_LIKE, FPS, takes
-from benchmarks.dances.measure import CHAINS, Danced, budget, danced, rendered, replayed
+from benchmarks.dances.measure import CHAINS, Danced, budget, danced, rendered
+from benchmarks.dances.replays import replayed, replayed_bent
 from benchmarks.environment import environment
 from benchmarks.load.results import Verdict, at_most, judge, save, verdict_documents
 from camera_client.models import ModelError
@@ -78,7 +80,7 @@ def replay_table(rows: Sequence[dict[str, Any]]) -> Table:
     """Clips of people's motion."""
     out = Table(title="recorded motion on the robot", title_justify="left")
     headings = ("clip", "s", "beyond limits [rad]", "fastest [rad/s]", "clear [mm]", "answer's step [rad]")
-    for heading in (*headings, "possible", f"elbow ≤ {ELBOW_LIKE:g} deg", "elbow p95"):
+    for heading in (*headings, "possible", f"elbow ≤ {ELBOW_LIKE:g} deg", "elbow p95", "robot's", "in time", "missed"):
         out.add_column(heading, justify="left" if heading == "clip" else "right")
     for row in rows:
         out.add_row(
@@ -91,6 +93,8 @@ def replay_table(rows: Sequence[dict[str, Any]]) -> Table:
             f"{row['possible']:.0%}",
             f"{row['elbow_like']:.1%}",
             f"{row['elbow_p95']:.1f}",
+            *(f"{row['arms'][name] / max(row['arms']['judged'], 1):.1%}" for name in ("robot", "in_time")),
+            ", ".join(f"{count} {cause}" for cause, count in row["causes"].items()),
         )
     out.caption = "possible: where some posture within limits, clear of the body, has the person's wrist and elbow"
     return out
@@ -107,9 +111,9 @@ def verdicts(rows: Sequence[Danced], replays: Sequence[dict[str, Any]]) -> list[
             at_most(f"{row.body}, {words}", scale * worst[name], limit, unit)
             for name, (scale, limit, words, unit) in ASKED.items()
         ]
-    out.append(
-        at_most("a frame, median", float(np.median([row.milliseconds for row in rows])), MOST_MILLISECONDS, "ms")
-    )
+    if rows:
+        milliseconds = float(np.median([row.milliseconds for row in rows]))
+        out.append(at_most("a frame, median", milliseconds, MOST_MILLISECONDS, "ms"))
     if replays:
         out.append(at_most("beyond a joint limit", max(row["beyond"] for row in replays), 0.0, "rad"))
         nearest = min(row["clearance"] for row in replays)
@@ -129,19 +133,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="one body, one seed, some clips")
+    parser.add_argument("--replays", action="store_true", help="recorded motion on the robot alone")
     parser.add_argument("--tuning", action="store_true", help="the people that the chain was made with instead")
     parser.add_argument("--material", type=Path, metavar="FOLDER", help="keep what was rendered and found here")
     parser.add_argument("--json", type=Path, metavar="FILE", help="save all numbers")
     parser.add_argument("--chart", type=Path, metavar="FILE", help="draw the errors, PNG or SVG")
     options = parser.parse_args(arguments)
     data = Path(os.environ.get("IK_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
+    console = Console(width=max(Console().width, 170))
+    if options.replays:
+        return _replays_alone(data / "human", options, console)
     if not (data / "camera" / "human.npz").is_file():
         parser.error(f"no person to render in {data}; set IK_DATA to the folder of the data")
     chosen = takes(fresh=not options.tuning)
     if options.quick:
         chosen = chosen[:2]
     seeds = list(SEEDS[:1] if options.quick else SEEDS)
-    console = Console(width=max(Console().width, 170))
     rows: list[Danced] = []
     keeping = tempfile.TemporaryDirectory() if options.material is None else nullcontext(str(options.material))
     try:
@@ -156,7 +163,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             first = rendered(chosen[0], data / "camera", Path(folder), lambda: None)
             remains = budget(chosen[0], first, seeds[0])
             progress.update(task, description="recorded motion")
-            replays = list(replayed(data / "human", options.quick)) if (data / "human" / "smpl").is_dir() else []
+            recorded = (data / "human" / "smpl").is_dir()
+            replays = list(replayed(data / "human", options.quick)) if recorded else []
+            bent = list(replayed_bent(data / "human")) if recorded and not options.quick else []
     except (ModelError, NoMediaPipe, NoRendering) as error:
         print(f"camera: {error}", file=sys.stderr)
         return 1
@@ -176,10 +185,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "dances": [row.document() for row in rows],
         "budget": {"body": chosen[0].subject.name, "scores": {name: asdict(score) for name, score in remains.items()}},
         "replays": replays,
+        "bent": bent,
         "elbow_like": ELBOW_LIKE,
         "verdicts": verdict_documents(judged),
     }
     save(document, options.json, options.chart, console, script=CHART_SCRIPT)
+    return judge(judged, console)
+
+
+def _replays_alone(folder: Path, options: argparse.Namespace, console: Console) -> int:
+    """Measure and judge recorded motion on the robot, and nothing else."""
+    if not (folder / "smpl").is_dir():
+        print(f"camera: no recorded people in {folder}; set IK_DATA to the folder of the data", file=sys.stderr)
+        return 1
+    replays = list(replayed(folder, options.quick))
+    console.print(replay_table(replays))
+    judged = verdicts([], replays)
+    document = {
+        "kind": "camera",
+        "environment": environment(PACKAGES),
+        "replays": replays,
+        "bent": [] if options.quick else list(replayed_bent(folder)),
+        "elbow_like": ELBOW_LIKE,
+        "verdicts": verdict_documents(judged),
+    }
+    save(document, options.json, None, console)
     return judge(judged, console)
 
 

@@ -1,6 +1,6 @@
 """Measures how well arms are followed: rendered people, real landmarks, and what remains where a part is exact."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -8,18 +8,14 @@ from typing import Any
 import numpy as np
 
 from benchmarks.dances.means import (
-    ELBOW_LIKE,
     INTRINSICS,
-    RATE,
     Material,
     Observer,
-    Retargeting,
     Run,
     Score,
     Take,
     fitted,
     follow,
-    human_motions,
     render,
 )
 from camera_client.calibration import Calibration
@@ -27,17 +23,10 @@ from camera_client.detector import PoseDetector
 from camera_client.landmarks import ARMS, SHOULDERS, TRACKED, Landmarks
 from camera_client.models import DEFAULT, ensure_model
 from camera_client.surface import SHOULDER_DROP
-from ik_proto.robots import load_description
-from ik_service.kernel import load_kernel
-from ik_service.preset import Preset
-from ik_service.robot import Robot
-from ik_service.solver import Solver
 
 CHAINS = ("ours", "webcam", "thesis")
 _FAR = 9.0
 """Depths end here [m]."""
-_CLIMB_S = 30.0
-"""How much of the long clip is replayed [s]."""
 
 
 @dataclass(frozen=True)
@@ -137,29 +126,3 @@ def _exact(now: Any) -> Landmarks:
     out.pixels[TRACKED], out.visibility[TRACKED] = INTRINSICS.project(joints), 1.0
     out.world[TRACKED] = now.in_camera - now.in_camera[ARMS.stop :].mean(axis=0)
     return out
-
-
-def replayed(folder: Path, quick: bool) -> Iterator[dict[str, Any]]:
-    """Take people's motion to the robot, clip by clip."""
-    description = load_description("g1")
-    robot = Robot.load(description)
-    kernel = load_kernel(robot)
-    retargeting = Retargeting(robot, Solver(robot, kernel, Preset.of(description, "precise")), description)
-    motions = human_motions(folder)
-    for motion in motions[::6] if quick else motions:
-        replay = retargeting.replay(motion.at(RATE, _CLIMB_S))
-        possible = replay.possible.copy()
-        # The robot begins with its arms elsewhere.
-        possible[: round(RATE)] = False
-        off = replay.elbow_off[possible]
-        yield {
-            "clip": motion.name,
-            "seconds": len(replay.wanted) / RATE,
-            "beyond": float(np.maximum(robot.lower - replay.commanded, replay.commanded - robot.upper).max()),
-            "step": float(np.abs(np.diff(replay.commanded, axis=0)).max() * RATE),
-            "clearance": float(replay.clearance.min()),
-            "wanted_step": float(np.abs(np.diff(replay.wanted, axis=0)).max()),
-            "possible": float(possible.mean()),
-            "elbow_p95": float(np.percentile(off, 95)) if len(off) else float("nan"),
-            "elbow_like": float((off <= ELBOW_LIKE).mean()) if len(off) else float("nan"),
-        }

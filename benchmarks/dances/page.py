@@ -1,9 +1,10 @@
 """Puts the tables of a saved run into a page: `python -m benchmarks.dances.page NUMBERS.json PAGE.md`.
 
-They replace whatever is between the page's marks.
+They replace whatever is between the page's marks. What was not measured in that run stays as it is.
 """
 
 import sys
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -12,13 +13,23 @@ from benchmarks.marked_page import between, fill_page
 DANCES = "<!-- dances: begin -->", "<!-- dances: end -->"
 BUDGET = "<!-- budget: begin -->", "<!-- budget: end -->"
 REPLAYS = "<!-- replays: begin -->", "<!-- replays: end -->"
+MISSED = "<!-- missed: begin -->", "<!-- missed: end -->"
+
+BENT = "<!-- bent: begin -->", "<!-- bent: end -->"
+
+CAUSES = ("late", "other bend", "in the way", "other arm", "moved", "asked")
+"""Why upper arms are missed, as `tests/camera/missed.py` says."""
+_KNOWN = ("known", "unknown")
 
 
 def fill(page: str, numbers: Mapping[str, Any]) -> str:
     """The page with new tables."""
-    page = between(page, *DANCES, lambda: "\n".join(_dances(numbers)))
-    page = between(page, *BUDGET, lambda: "\n".join(_budget(numbers)))
-    return between(page, *REPLAYS, lambda: "\n".join(_replays(numbers)))
+    if "dances" in numbers:
+        page = between(page, *DANCES, lambda: "\n".join(_dances(numbers)))
+        page = between(page, *BUDGET, lambda: "\n".join(_budget(numbers)))
+    page = between(page, *REPLAYS, lambda: "\n".join(_replays(numbers)))
+    page = between(page, *MISSED, lambda: "\n".join(_missed(numbers)))
+    return between(page, *BENT, lambda: "\n".join(_bent(numbers)))
 
 
 def _dances(numbers: Mapping[str, Any]) -> Iterator[str]:
@@ -71,6 +82,7 @@ def _replays(numbers: Mapping[str, Any]) -> Iterator[str]:
             "possible",
             like,
             "elbow p95 [°]",
+            "robot's elbow within",
         ],
         [
             [
@@ -83,10 +95,50 @@ def _replays(numbers: Mapping[str, Any]) -> Iterator[str]:
                 f"{row['possible']:.0%}",
                 f"{row['elbow_like']:.1%}",
                 f"{row['elbow_p95']:.1f}",
+                _share(row["arms"], "robot", "judged"),
             ]
             for row in numbers["replays"]
         ],
     )
+
+
+def _missed(numbers: Mapping[str, Any]) -> Iterator[str]:
+    rows = [(row["clip"], row["arms"], row["causes"]) for row in numbers["replays"]]
+    arms, causes = Counter(), Counter()
+    for _, some, why in rows:
+        arms.update(some)
+        causes.update(why)
+    heads = ["possible", "missed", *CAUSES, "in time", "of these, answer", "robot", "no speed limit", "onward, answer"]
+    yield from _table(
+        ["clip", *heads, "robot"],
+        [
+            [
+                name,
+                str(some["judged"]),
+                str(some["judged"] - some["answer"]),
+                *(str(why.get(cause, 0)) for cause in CAUSES),
+                _share(some, "in_time", "judged"),
+                _share(some, "answer_in_time", "in_time"),
+                _share(some, "robot_in_time", "in_time"),
+                *(_share(some, of, "judged") for of in ("unlimited", "onward_answer", "onward_robot")),
+            ]
+            for name, some, why in [*rows, ("all", arms, causes)]
+        ],
+    )
+
+
+def _bent(numbers: Mapping[str, Any]) -> Iterator[str]:
+    yield from _table(
+        ["waist", "blocked, its bend known", "not known", "robot's elbow within, known", "not known"],
+        [
+            [row["waist"], *(f"{row[known][number]:.1%}" for number in ("blocked", "robot_like") for known in _KNOWN)]
+            for row in numbers["bent"]
+        ],
+    )
+
+
+def _share(arms: Mapping[str, int], some: str, of: str) -> str:
+    return f"{arms[some] / arms[of]:.1%}" if arms[of] else ""
 
 
 def _table(heads: list[str], rows: list[list[str]]) -> Iterator[str]:

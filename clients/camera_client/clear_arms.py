@@ -9,6 +9,8 @@ which the person's arm is:
   elbow as far as is needed, in the plane of the forearm and the way out: level, away from the trunk's axis.
 - Hands that are too near to each other then both turn, by the same angle, away from each other.
 - What is clear already stays as it is, to the last bit.
+- A bent waist takes trunk and shoulders along and leaves the pelvis. All is done as the trunk has it:
+  level, to the side and to the front are its own.
 
 The turn is the smallest from which on all the way out is clear, found on a grid and between its points, so it grows
 from nothing where an arm enters the body. Everything is a pure function of one posture, mirrored for mirrored arms.
@@ -60,7 +62,8 @@ class ClearArms:
     """Turns forearms out of a robot's body.
 
     Attributes:
-        body: What they are turned out of, at a straight waist, pelvis frame.
+        trunk: What they are turned out of and the waist moves, at a straight waist, pelvis frame.
+        pelvis: And what the waist does not move.
         kept: Clearance that they keep [m].
     """
 
@@ -68,48 +71,63 @@ class ClearArms:
         """Read the robot's capsules.
 
         Args:
-            robot: Its arms.
+            robot: Its arms with a straight waist.
             description: Its description.
         """
         self._robot = robot
         self.kept = description.collision.margin + ROOM
         torso = description.waist[-1] if description.waist else description.base
-        fixed = {description.base: np.zeros(3), torso: robot.mount}
-        self.body = _capsules(description, fixed)
+        self.trunk = _capsules(description, {torso: robot.mount})
+        self.pelvis = _capsules(description, {description.base: np.zeros(3)} if description.waist else {})
         self._hands = [_forearm_and_hand(robot, description, arm) for arm in description.arms]
 
-    def __call__(self, limbs: Array, R_pelvis_wrist: Array) -> tuple[Array, Array]:
+    def __call__(self, limbs: Array, R_pelvis_wrist: Array, robot: RobotArms | None = None) -> tuple[Array, Array]:
         """Turn forearms and hands out of the body.
 
         Args:
             limbs: Unit directions of upper arm and forearm of both arms, pelvis frame, shape (2, 2, 3).
             R_pelvis_wrist: Orientations of the wrists, x along the forearm, shape (2, 3, 3).
+            robot: The robot's arms with its waist as it stands; None for a straight one.
 
         Returns:
             The same, of arms that are clear of the body as far as turning the forearms does it.
         """
-        elbows = self._elbows(limbs)
-        turns = [self._out_of_body(side, elbows[side], limbs[side, 1], R_pelvis_wrist[side]) for side in (0, 1)]
-        limbs, R_pelvis_wrist = _turned(limbs, R_pelvis_wrist, np.stack(turns))
-        apart = self._apart(elbows, limbs[:, 1], R_pelvis_wrist)
-        return _turned(limbs, R_pelvis_wrist, apart)
+        waist = robot or self._robot
+        body = self._body(waist)
+        limbs_trunk, R_trunk_wrist = limbs @ waist.R_waist, waist.R_waist.T @ R_pelvis_wrist
+        elbows = self._elbows(limbs_trunk)
+        turns = np.stack([self._out_of(body, i, elbows[i], limbs_trunk[i, 1], R_trunk_wrist[i]) for i in (0, 1)])
+        limbs_trunk, R_trunk_wrist = _turned(limbs_trunk, R_trunk_wrist, turns)
+        apart = self._apart(elbows, limbs_trunk[:, 1], R_trunk_wrist)
+        # Arms that do not turn must not be rounded by turning the frame forth and back.
+        limbs, R_pelvis_wrist = _turned(limbs, R_pelvis_wrist, turns @ waist.R_waist.T)
+        return _turned(limbs, R_pelvis_wrist, apart @ waist.R_waist.T)
 
-    def clearance(self, limbs: Array, R_pelvis_wrist: Array) -> tuple[Array, float]:
+    def clearance(self, limbs: Array, R_pelvis_wrist: Array, robot: RobotArms | None = None) -> tuple[Array, float]:
         """How far forearms and hands are from the body, shape (2,), and from each other [m]; arguments as above."""
-        elbows, here = self._elbows(limbs), np.zeros((1, 3))
-        room = [self._room(side, elbows[side], limbs[side, 1], R_pelvis_wrist[side], here)[0] for side in (0, 1)]
-        between = self._room_between(elbows, limbs[:, 1], R_pelvis_wrist, np.zeros((1, 2, 3)))[0]
+        waist, here = robot or self._robot, np.zeros((1, 3))
+        body, limbs, R = self._body(waist), limbs @ waist.R_waist, waist.R_waist.T @ R_pelvis_wrist
+        elbows = self._elbows(limbs)
+        room = [self._room(body, side, elbows[side], limbs[side, 1], R[side], here)[0] for side in (0, 1)]
+        between = self._room_between(elbows, limbs[:, 1], R, np.zeros((1, 2, 3)))[0]
         return np.array(room) + self.kept, float(between) + self.kept
+
+    def _body(self, waist: RobotArms) -> Capsules:
+        """Trunk and pelvis as the trunk has them."""
+        pelvis = (self.pelvis.ends - waist.p_waist) @ waist.R_waist
+        return Capsules(
+            np.concatenate([self.trunk.ends, pelvis]), np.concatenate([self.trunk.radii, self.pelvis.radii])
+        )
 
     def _elbows(self, limbs: Array) -> Array:
         return shoulder_positions(limbs[:, 0], self._robot) + self._robot.upper * limbs[:, 0]
 
-    def _out_of_body(self, side: int, elbow: Array, f: Array, R: Array) -> Array:
+    def _out_of(self, body: Capsules, side: int, elbow: Array, f: Array, R: Array) -> Array:
         """The turn of a forearm that takes it out of the body, shape (3,) [rad]."""
-        if self._room(side, elbow, f, R, np.zeros((1, 3)))[0] >= 0.0:
+        if self._room(body, side, elbow, f, R, np.zeros((1, 3)))[0] >= 0.0:
             return np.zeros(3)
         turn = turn_between(f, self._way_out(side, elbow + self._robot.fore * f))
-        room = self._room(side, elbow, f, R, _GRID[:, None] * turn)
+        room = self._room(body, side, elbow, f, R, _GRID[:, None] * turn)
         return _needed(room) * turn
 
     def _way_out(self, side: int, wrist: Array) -> Array:
@@ -119,9 +137,9 @@ class ClearArms:
         outward = 0.5 * (sideways + np.hypot(sideways, ACROSS))
         return unit(np.array([from_trunk[0] + BEHIND, _SIDEWAYS[side, 1] * outward, 0.0]))
 
-    def _room(self, side: int, elbow: Array, f: Array, R: Array, turns: Array) -> Array:
+    def _room(self, body: Capsules, side: int, elbow: Array, f: Array, R: Array, turns: Array) -> Array:
         """Clearance beyond what is kept of a forearm from the body after each of some turns, shape (n,) [m]."""
-        hand, body = self._posed(side, elbow, f, R, turns), self.body
+        hand = self._posed(side, elbow, f, R, turns)
         gaps = segment_distances(hand[:, :, None], body.ends[None, None])
         gaps -= self._hands[side].radii[:, None] + body.radii + self.kept
         return gaps.min(axis=(1, 2))
@@ -200,4 +218,4 @@ def _capsules(description: RobotDescription, bodies: dict[str, Array]) -> Capsul
     """The capsules of some bodies, moved by the origin of each."""
     found = [capsule for capsule in description.collision.capsules if capsule.body in bodies]
     ends = [bodies[capsule.body] + np.array([capsule.start, capsule.end]) for capsule in found]
-    return Capsules(np.array(ends), np.array([capsule.radius for capsule in found]))
+    return Capsules(np.array(ends).reshape(-1, 2, 3), np.array([capsule.radius for capsule in found]))

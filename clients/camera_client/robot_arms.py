@@ -61,6 +61,8 @@ class RobotGeometry:
             shoulders=arms.shoulders @ R.T + p,
             hint_origins=arms.hint_origins @ R.T + p,
             axes=arms.axes @ R.T,
+            R_waist=R,
+            p_waist=p,
         )
 
 

@@ -10,7 +10,7 @@ The centre of a G1's shoulder is 1.4 cm beside the axis of the first joint, so i
 a hanging one. That must not be left out: a stretched arm has to bend by 20 degrees to come 1.4 cm short.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -24,7 +24,7 @@ _ALONG = 0.35
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotArms:
-    """What scaling needs to know of a robot with a straight waist.
+    """What scaling needs to know of a robot, with its waist as it stands.
 
     Attributes:
         shoulders: Where the upper arms turn while they hang, left and right, pelvis frame, shape (2, 3) [m].
@@ -32,7 +32,9 @@ class RobotArms:
         fore: From the elbow to the wrist target [m].
         hint_origins: Where the IK service measures elbow hints from, the first joint of each arm, shape (2, 3) [m].
         axes: Unit axes of these joints, which turn the shoulders' centres with the upper arms, shape (2, 3).
-        mount: Where the body is that the arms are mounted on, the last joint of the waist, shape (3,) [m].
+        mount: Where the body is that the arms are mounted on, at a straight waist: its last joint, shape (3,) [m].
+        R_waist: How a bent waist has turned that body and the arms, shape (3, 3).
+        p_waist: And moved them: what is at x at a straight waist is at R_waist x + p_waist, shape (3,) [m].
     """
 
     shoulders: Array
@@ -41,6 +43,8 @@ class RobotArms:
     hint_origins: Array
     axes: Array
     mount: Array
+    R_waist: Array = field(default_factory=lambda: np.eye(3))
+    p_waist: Array = field(default_factory=lambda: np.zeros(3))
 
 
 G1_ARMS = RobotArms(
@@ -68,7 +72,8 @@ def shoulder_positions(u: Array, robot: RobotArms) -> Array:
     Returns:
         Shape (2, 3) [m], pelvis frame.
     """
-    hanging = unit(_DOWN - dot(robot.axes, _DOWN)[:, None] * robot.axes)
+    down_the_trunk = robot.R_waist @ _DOWN
+    hanging = unit(down_the_trunk - dot(robot.axes, down_the_trunk)[:, None] * robot.axes)
     ahead = cross(hanging, robot.axes)
     beside = np.maximum(length(cross(u, robot.axes)), _ALONG)
     c, s = (dot(u, hanging) / beside)[:, None], (dot(u, ahead) / beside)[:, None]

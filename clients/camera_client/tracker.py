@@ -103,7 +103,7 @@ class CameraTracker:
         limbs, R_pelvis_wrist = straightened(arms.limbs, arms.R_pelvis_wrist, self.robot.upper, self.robot.fore)
         hints = elbow_hints(limbs, arms.elbow_confidence, self.robot)
         if self.clear is not None:
-            limbs, R_pelvis_wrist = self.clear(limbs, R_pelvis_wrist)
+            limbs, R_pelvis_wrist = self.clear(limbs, R_pelvis_wrist, self.robot)
         poses[:, :3, :3], poses[:, :3, 3] = R_pelvis_wrist, wrist_positions(limbs, self.robot)
         left, right = (
             HandSample(pose, held, look.captured, bool(there)) for pose, there in zip(poses, seen, strict=True)

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks import camera
 from benchmarks.dances import page
-from benchmarks.dances.means import Score
+from benchmarks.dances.means import Cause, Score
 from benchmarks.dances.measure import CHAINS, Danced
 
 GOOD: dict[str, Any] = {
@@ -32,6 +32,25 @@ REPLAY: dict[str, Any] = {
     "possible": 0.9,
     "elbow_p95": 8.0,
     "elbow_like": 0.99,
+    "causes": {"late": 3, "in the way": 1},
+    "arms": {
+        "judged": 400,
+        "answer": 396,
+        "robot": 380,
+        "in_time": 390,
+        "answer_in_time": 389,
+        "robot_in_time": 375,
+        "unlimited": 400,
+        "onward_answer": 398,
+        "onward_robot": 384,
+    },
+}
+
+
+BENT: dict[str, Any] = {
+    "waist": "forward",
+    "known": {"blocked": 0.01, "robot_like": 0.99},
+    "unknown": {"blocked": 0.2, "robot_like": 0.95},
 }
 
 
@@ -90,11 +109,28 @@ def test_the_page_takes_the_tables() -> None:
         "dances": [row().document()],
         "budget": {"body": "somebody", "scores": {"exact depth": GOOD}},
         "replays": [REPLAY],
+        "bent": [BENT],
         "elbow_like": 12.0,
     }
     filled = page.fill(text, numbers)
     assert "| somebody | full | ik-camera | 3.0 | 8.0 | 12.0 | 0.2 | 0 | 0 | 0.0 | 12.0 | 16.0 |" in filled
     assert "| somebody | full | as published | 20.0 |" in filled
     assert "| exact depth | 3.0 | 8.0 | 12.0 | 12.0 |" in filled
-    assert "| walk | 4 | 0.050 | 3.00 | 6.1 | 0.40 | 90% | 99.0% | 8.0 |" in filled
+    assert "| walk | 4 | 0.050 | 3.00 | 6.1 | 0.40 | 90% | 99.0% | 8.0 | 95.0% |" in filled
+    missed = "400 | 4 | 3 | 0 | 1 | 0 | 0 | 0 | 97.5% | 99.7% | 96.2% | 100.0% | 99.5% | 96.0% |"
+    assert f"| walk | {missed}" in filled
+    assert f"| all | {missed}" in filled
     assert page.fill(filled, numbers) == filled
+    assert "| forward | 1.0% | 20.0% | 99.0% | 95.0% |" in filled
+    # Replays alone leave the rest as it is.
+    alone = {"replays": [REPLAY | {"clip": "run"}], "bent": [BENT], "elbow_like": 12.0}
+    assert page.fill(filled, alone) == filled.replace("| walk |", "| run |")
+
+
+def test_replays_alone_are_judged() -> None:
+    assert missed([], [REPLAY]) == []
+    assert missed([], [REPLAY | {"step": 3.01}]) == ["fastest joint"]
+
+
+def test_the_causes_in_the_page_are_those_that_are_found() -> None:
+    assert set(page.CAUSES) == {str(cause) for cause in Cause}

@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from camera_client.robot_arms import robot_geometry
 from camera_client.scaling import G1_ARMS, elbow_hints, shoulder_positions, wrist_positions
 from camera_client.vectors import unit
 from ik_proto.robots import load_description
@@ -53,6 +54,18 @@ def test_a_g1_as_operator_is_mirrored(posture):
     hints = elbow_hints(limbs, np.array([0.25, 1.0]), G1_ARMS)
     assert np.allclose(hints[:, :3], unit(arms[:, 1] - first), atol=0.06)
     assert (hints[:, 3] == (0.25, 1.0)).all()
+
+
+@pytest.mark.parametrize("waist", [(0.5, 0.0, 0.0), (0.0, 0.3, 0.0), (0.0, 0.0, 0.5), (0.3, -0.2, 0.4)])
+@pytest.mark.parametrize("posture", postures(5))
+def test_a_g1_with_a_bent_waist_is_mirrored_as_well(posture, waist):
+    description = load_description("g1")
+    arms, first = g1_arms({**posture, **dict(zip(description.waist, waist, strict=True))})
+    robot = robot_geometry(description).bent(np.array(waist))
+    limbs = unit(np.diff(arms, axis=1))
+    assert np.linalg.norm(wrist_positions(limbs, robot) - arms[:, 2], axis=1).max() < 0.004
+    assert np.linalg.norm(shoulder_positions(limbs[:, 0], robot) - arms[:, 0], axis=1).max() < 0.004
+    assert np.allclose(elbow_hints(limbs, np.ones(2), robot)[:, :3], unit(arms[:, 1] - first), atol=0.06)
 
 
 def test_a_stretched_arm_is_a_stretched_arm_in_every_direction():
