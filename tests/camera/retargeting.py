@@ -1,8 +1,8 @@
 """Takes arms of people to the robot, as the loop does it, without camera or wire.
 
-Wrist basis, way out of the body, scaling, inverse kinematics, limiter and the check behind it. The check belongs to it:
-between two clear answers an arm's momentum takes it into the body, and a solver that begins there opens on whichever
-side is nearer.
+Wrist basis, straight arms, way out of the body, scaling, inverse kinematics, limiter and the check behind it. The check
+belongs to it: between two clear answers an arm's momentum takes it into the body, and a solver that begins there opens
+on whichever side is nearer.
 
 What is possible is judged by itself, whatever the robot does, so that two ways of following are judged by the same
 frames. Where a possible upper arm is missed, experiments with that one request say why (`missed`).
@@ -22,6 +22,7 @@ from camera_client.clear_arms import ClearArms
 from camera_client.estimate import ORIENTATION_FLOOR
 from camera_client.robot_arms import robot_geometry
 from camera_client.scaling import elbow_hints, wrist_positions
+from camera_client.straight_arms import straightened
 from camera_client.wrist_basis import WristBasis, flexion_weight
 from ik_client.clear_way import KEPT, ClearWay
 from ik_client.joint_limiter import JointLimiter
@@ -144,7 +145,8 @@ class Retargeting:
         command = last = np.zeros(robot.nq)
         rows = []
         for k, (now, R, weights) in enumerate(self._asked(limbs)):
-            asked = self._clear(now, R, bent) if kept_clear else (now, R)
+            asked = straightened(now, R, self._arms.upper, self._arms.fore)
+            asked = self._clear(*asked, bent) if kept_clear else asked
             q = last if start == "answer" and self._clear_between(command, last) else command
             answer = self._solver.solve(q=q, weights=weights, **self._request(*asked))
             off = self._elbow_off(answer.q, now)
