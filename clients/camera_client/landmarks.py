@@ -78,8 +78,8 @@ class Landmarks:
         """Which tracked joints are in the picture and more than a guess, shape (8,)."""
         p = self.pixels[TRACKED]
         # A NaN compares as false.
-        inside = (p[:, 0] >= 0.0) & (p[:, 0] <= width - 1) & (p[:, 1] >= 0.0) & (p[:, 1] <= height - 1)
-        return inside & (self.visibility[TRACKED] >= _SEEN)
+        inside = (p >= 0.0) & (p <= (width - 1, height - 1))
+        return inside[:, 0] & inside[:, 1] & (self.visibility[TRACKED] >= _SEEN)
 
     def credible(self, width: int, height: int) -> bool:
         """Whether this looks like a person who faces the camera: both shoulders sure, not tiny, above the hips."""

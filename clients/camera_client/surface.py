@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camera_client.frame import Intrinsics
-from camera_client.vectors import unit
+from camera_client.vectors import dot, unit
 from ik_proto import Array
 
 OFFSETS = np.array([0.058, 0.036, 0.030, 0.058, 0.036, 0.030, 0.108, 0.108])
@@ -32,6 +32,8 @@ _BEFORE_SHOULDER = (0.70, 0.90)
 """Cosine between upper arm and viewing ray from which on the arm begins to cover its shoulder, and covers it."""
 _COVERED = 0.06
 """Joints of an arm that are less than this apart across the viewing ray cover each other [m]."""
+_OTHERS = np.array([[1, 2, 0], [2, 0, 1]])
+"""The other two joints of the arm, below each joint."""
 
 
 def shoulder_shift(up_camera: Array, depth: float, intrinsics: Intrinsics) -> Array:
@@ -56,7 +58,7 @@ def arm_offsets(arms: Array) -> Array:
     """
     offsets = OFFSETS[:6].reshape(2, 3).copy()
     fore = unit(arms[:, 2] - arms[:, 1])
-    pointing = -(fore * unit(arms[:, 2])).sum(axis=-1)
+    pointing = -dot(fore, unit(arms[:, 2]))
     offsets[:, 2] += HAND * ((pointing - _POINTING[0]) / (_POINTING[1] - _POINTING[0])).clip(0.0, 1.0)
     return offsets
 
@@ -64,7 +66,7 @@ def arm_offsets(arms: Array) -> Array:
 def shoulders_seen(arms: Array) -> Array:
     """How far shoulders are seen and not their own arm before them, 0 to 1, shape (2,), of arms as in `arm_offsets`."""
     upper = unit(arms[:, 1] - arms[:, 0])
-    pointing = -(upper * unit(arms[:, 0])).sum(axis=-1)
+    pointing = -dot(upper, unit(arms[:, 0]))
     return ((_BEFORE_SHOULDER[1] - pointing) / (_BEFORE_SHOULDER[1] - _BEFORE_SHOULDER[0])).clip(0.0, 1.0)
 
 
@@ -79,11 +81,9 @@ def covered(arms: Array, depth: Array) -> NDArray[np.bool_]:
         Shape (2, 3): the joint is expected behind another one at about the same pixel, and the depth is rather the
         other's.
     """
-    hidden = np.zeros((2, 3), dtype=bool)
-    own = np.abs(depth - arms[..., 2])
-    for turn in (1, 2):
-        other = arms[:, (turn, (turn + 1) % 3, (turn + 2) % 3)]
-        across = arms[..., :2] - other[..., :2]
-        near = (across * across).sum(axis=-1) < _COVERED**2
-        hidden |= near & (arms[..., 2] > other[..., 2]) & (np.abs(depth - other[..., 2]) < own)
-    return hidden
+    other = arms[:, _OTHERS]
+    across = arms[:, None, :, :2] - other[..., :2]
+    near = np.vecdot(across, across) < _COVERED**2
+    behind = arms[:, None, :, 2] > other[..., 2]
+    rather = np.abs(depth[:, None] - other[..., 2]) < np.abs(depth - arms[..., 2])[:, None]
+    return np.asarray((near & behind & rather).any(axis=1))
