@@ -68,9 +68,9 @@ def patch_depths(depth: NDArray[np.uint16], pixels: Array, expected: Array) -> P
     # Clusters row by row, the best of each first.
     best = np.lexsort((badness, row))[column == 0]
     found = badness[best] < np.inf
-    median, size, column = median[best], size[best], column[best, None]
+    median, size, begin = median[best], size[best], column[best, None]
     spread = np.abs(values - median[:, None])
-    spread[(_PLACES < column) | (_PLACES >= column + size[:, None])] = np.inf
+    spread[(begin > _PLACES) | (begin + size[:, None] <= _PLACES)] = np.inf
     spread.sort(axis=1)
     # 1.48 times the median distance from the median is the standard deviation of a normal distribution.
     mad = spread[np.arange(len(best)), (size - 1) // 2]
@@ -92,4 +92,4 @@ def _sorted_patches(depth: NDArray[np.uint16], pixels: Array) -> Array:
             part = depth[max(row - RADIUS, 0) : row + RADIUS + 1, max(column - RADIUS, 0) : column + RADIUS + 1]
             patch[: part.shape[0], : part.shape[1]] = part
     patches[patches < _NEAREST] = 0
-    return np.sort(patches.reshape(-1, _SIZE), axis=1) * 1e-3
+    return np.sort(patches.reshape(-1, _SIZE), axis=1).astype(np.float64) * 1e-3

@@ -21,7 +21,7 @@ from camera_client.limb_map import DepthEvidence, fit_depths
 from camera_client.monocular import MODEL_SIGMA, model_depths
 from camera_client.surface import OFFSETS, arm_offsets, covered, shoulder_shift, shoulders_seen
 from camera_client.trunk_plane import trunk_turn
-from camera_client.vectors import length, middle
+from camera_client.vectors import between, length, middle
 from ik_proto import Array
 
 ACROSS_SIGMA = 0.012
@@ -122,7 +122,7 @@ def surfaces(frame: RgbdFrame, landmarks: Landmarks, joints: JointFilter, calibr
             return None
         position = np.where(known[:, None], position, (0.0, 0.0, np.nanmedian(body)))
     front = trunk_turn(frame.depth, pixels[_TRUNK], frame.intrinsics) - calibration.front
-    pixels[SHOULDERS] += shoulder_shift(calibration.up_camera, _between(position[SHOULDERS, 2]), frame.intrinsics)
+    pixels[SHOULDERS] += shoulder_shift(calibration.up_camera, position[SHOULDERS, 2].mean(), frame.intrinsics)
     offsets = OFFSETS.copy()
     arms = position[ARMS].reshape(2, 3, 3)
     sure = np.ones(2)
@@ -141,10 +141,10 @@ def surfaces(frame: RgbdFrame, landmarks: Landmarks, joints: JointFilter, calibr
     if known[ARMS].all():
         arms_depth[covered(arms, arms_depth.reshape(2, 3)).ravel()] = np.nan
     rays = frame.intrinsics.rays(np.where(seen[:, None], pixels, 0.0))
-    sigma = np.maximum(patches.sigma, DEPTH_SIGMA) / np.minimum(np.maximum(1.5 * patches.share, 0.3), 1.0)
+    sigma = np.maximum(patches.sigma, DEPTH_SIGMA) / (1.5 * patches.share).clip(0.3, 1.0)
     sigma[SHOULDERS] /= np.maximum(sure, _LEAST_SURE)
     along = np.where(np.isfinite(depth), DEPTH_SIGMA, GUESSED_SIGMA)
-    return Surfaces(seen, rays, depth, sigma, sure, front, along, _between(rays[SHOULDERS]) * torso)
+    return Surfaces(seen, rays, depth, sigma, sure, front, along, between(*rays[SHOULDERS]) * torso)
 
 
 def _guessed(frame: RgbdFrame, landmarks: Landmarks, seen: Mask, calibration: Calibration) -> Surfaces | None:
@@ -153,11 +153,11 @@ def _guessed(frame: RgbdFrame, landmarks: Landmarks, seen: Mask, calibration: Ca
     if depth is None:
         return None
     pixels = np.where(seen[:, None], landmarks.pixels[TRACKED], 0.0)
-    torso = float(_between(depth[SHOULDERS]))
+    torso = float(between(*depth[SHOULDERS]))
     pixels[SHOULDERS] += shoulder_shift(calibration.up_camera, torso, frame.intrinsics)
     rays = frame.intrinsics.rays(pixels)
     sigma = np.full(len(TRACKED), MODEL_SIGMA)
-    return Surfaces(seen, rays, depth, sigma, np.ones(2), math.nan, sigma, _between(rays[SHOULDERS]) * torso, True)
+    return Surfaces(seen, rays, depth, sigma, np.ones(2), math.nan, sigma, between(*rays[SHOULDERS]) * torso, True)
 
 
 def lift(
@@ -250,8 +250,3 @@ def relative_depths(landmarks: Landmarks, calibration: Calibration) -> Array:
     modelled = length(limbs).sum(axis=1)
     scale = calibration.lengths.sum(axis=1) / np.maximum(modelled, 1e-3)
     return limbs[..., 2] * scale[:, None]
-
-
-def _between(pair: Array) -> Array:
-    """The middle of two points or numbers."""
-    return 0.5 * (pair[0] + pair[1])

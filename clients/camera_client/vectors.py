@@ -32,6 +32,11 @@ def unit(a: Array) -> Array:
     return a / np.maximum(length(a), _TINY)[..., None]
 
 
+def between(a: Array, b: Array) -> Array:
+    """The middle of two points."""
+    return 0.5 * (a + b)
+
+
 def middle(values: Array) -> float:
     """Median of the finite ones of a few numbers; NaN where there is none."""
     finite = np.sort(values[np.isfinite(values)])

@@ -117,7 +117,9 @@ def test_what_is_not_known_does_not_count():
 
 
 def test_an_arm_of_unknown_depth_stays_where_it_was_expected():
-    nothing = {name: np.full(shape, np.nan) for name, shape in (("measured", (2, 3)), ("trunk", (2, 3)), ("relative", (2, 2)))}
+    nothing = {
+        name: np.full(shape, np.nan) for name, shape in (("measured", (2, 3)), ("trunk", (2, 3)), ("relative", (2, 2)))
+    }
     found = fit_arms(replace(evidence(), **nothing), ARMS)
     assert np.allclose(found, ARMS, atol=1e-6)
     moved = 1.02 * ARMS
