@@ -33,8 +33,8 @@ class PatchDepths:
     """What the patches say.
 
     Attributes:
-        depth: Median of the cluster, shape (n,) [m]; NaN where there is none.
-        sigma: How far its members spread, as a standard deviation, shape (n,) [m].
+        depth: Median of what counts of the cluster, shape (n,) [m]; NaN where there is none.
+        sigma: How far it spreads, as a standard deviation, shape (n,) [m].
         share: Share of the patch in the cluster, 0 to 1, shape (n,).
     """
 
@@ -43,13 +43,16 @@ class PatchDepths:
     share: Array
 
 
-def patch_depths(depth: NDArray[np.uint16], pixels: Array, expected: Array) -> PatchDepths:
+def patch_depths(
+    depth: NDArray[np.uint16], pixels: Array, expected: Array, nearest: Array | None = None
+) -> PatchDepths:
     """Read depths around pixels.
 
     Args:
         depth: The depth picture, shape (height, width) [mm]; 0 where unknown.
         pixels: Column and row, shape (n, 2); a patch around NaN or outside the picture has no depth.
         expected: Depth of the surface that is looked for, shape (n,) [m]; NaN takes the largest cluster.
+        nearest: Share of each cluster that counts, from its near end, above 0, shape (n,); None for all of it.
 
     Returns:
         Depth, spread and share of the clusters.
@@ -68,7 +71,11 @@ def patch_depths(depth: NDArray[np.uint16], pixels: Array, expected: Array) -> P
     # Clusters row by row, the best of each first.
     best = np.lexsort((badness, row))[column == 0]
     found = badness[best] < np.inf
-    median, size, begin = median[best], size[best], column[best, None]
+    first, begin, size = first[best], column[best, None], size[best]
+    share = np.where(found, size / _SIZE, 0.0)
+    if nearest is not None:
+        size = np.ceil(nearest * size).astype(np.intp)
+    median = values.ravel()[first + (size - 1) // 2]
     spread = np.abs(values - median[:, None])
     spread[(begin > _PLACES) | (begin + size[:, None] <= _PLACES)] = np.inf
     spread.sort(axis=1)
@@ -77,7 +84,7 @@ def patch_depths(depth: NDArray[np.uint16], pixels: Array, expected: Array) -> P
     return PatchDepths(
         depth=np.where(found, median, np.nan),
         sigma=np.where(found, np.maximum(1.48 * mad, _LEAST_SIGMA), np.inf),
-        share=np.where(found, size / _SIZE, 0.0),
+        share=share,
     )
 
 

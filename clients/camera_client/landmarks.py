@@ -48,6 +48,8 @@ ARMS = slice(0, 6)
 """The arms among the tracked joints; reshaped to (2, 3, ...) they are left and right, from the shoulder out."""
 SHOULDERS = np.array([0, 3])
 """The shoulders among the tracked joints, left first."""
+WRISTS = np.array([2, 5])
+"""The wrists among the tracked joints, left first."""
 HIPS = np.array([6, 7])
 """The hips among the tracked joints, left first."""
 

@@ -16,10 +16,10 @@ from camera_client.calibration import Calibration
 from camera_client.depth_patch import patch_depths
 from camera_client.frame import RgbdFrame
 from camera_client.kalman import JointFilter, Mask
-from camera_client.landmarks import ARMS, HIPS, SHOULDERS, TRACKED, Landmarks
+from camera_client.landmarks import ARMS, HIPS, SHOULDERS, TRACKED, WRISTS, Landmarks
 from camera_client.limb_map import DepthEvidence, fit_depths
 from camera_client.monocular import MODEL_SIGMA, model_depths
-from camera_client.surface import OFFSETS, arm_offsets, covered, shoulder_shift, shoulders_seen
+from camera_client.surface import HAND, HAND_SHARE, OFFSETS, covered, hands_before, shoulder_shift, shoulders_seen
 from camera_client.trunk_plane import trunk_turn
 from camera_client.vectors import between, length, middle
 from ik_proto import Array
@@ -123,13 +123,15 @@ def surfaces(frame: RgbdFrame, landmarks: Landmarks, joints: JointFilter, calibr
         position = np.where(known[:, None], position, (0.0, 0.0, np.nanmedian(body)))
     front = trunk_turn(frame.depth, pixels[_TRUNK], frame.intrinsics) - calibration.front
     pixels[SHOULDERS] += shoulder_shift(calibration.up_camera, position[SHOULDERS, 2].mean(), frame.intrinsics)
-    offsets = OFFSETS.copy()
+    offsets, share = OFFSETS.copy(), np.ones(len(TRACKED))
     arms = position[ARMS].reshape(2, 3, 3)
     sure = np.ones(2)
     if known[ARMS].all():
         sure = shoulders_seen(arms)
-        offsets[ARMS] = arm_offsets(arms).ravel()
-    patches = patch_depths(frame.depth, pixels, position[:, 2] - offsets)
+        hands = hands_before(arms)
+        offsets[WRISTS] += HAND * hands
+        share[WRISTS] -= (1.0 - HAND_SHARE) * hands
+    patches = patch_depths(frame.depth, pixels, position[:, 2] - offsets, share)
     depth = patches.depth + offsets
     depth[~(np.abs(depth - position[:, 2]) <= np.where(known, _WINDOW, _WINDOW.max()))] = np.nan
     torso = middle(depth[_TRUNK])

@@ -1,7 +1,7 @@
 """From what a camera sees to where a joint is.
 
 - The skin is in front of the bone, by an offset along the optical axis.
-- A forearm that points at the camera shows its hand, which is before the wrist.
+- A forearm that points at the camera shows its hand, which is before the wrist, and little of it.
 - A joint behind another one of its arm is not what the camera sees there.
 - What a pose model calls a shoulder is the top of it, above the joint.
 
@@ -18,8 +18,10 @@ from ik_proto import Array
 OFFSETS = np.array([0.058, 0.036, 0.030, 0.058, 0.036, 0.030, 0.108, 0.108])
 """How much deeper the centre of each tracked joint is than the surface before it, shape (8,) [m]."""
 OFFSETS.flags.writeable = False
-HAND = 0.08
+HAND = 0.115
 """How far a hand is before the surface of its wrist when it points at the camera [m]."""
+HAND_SHARE = 0.25
+"""The share of the wrist's surroundings that is this hand: behind it the forearm runs on to the elbow without a gap."""
 SHOULDER_DROP = 0.025
 """How far the joint of a shoulder is below its landmark [m]."""
 LEAN = 0.037
@@ -47,24 +49,19 @@ def shoulder_shift(up_camera: Array, depth: float, intrinsics: Intrinsics) -> Ar
     return -SHOULDER_DROP / depth * up_camera[:2] * (intrinsics.fx, intrinsics.fy)
 
 
-def arm_offsets(arms: Array) -> Array:
-    """How much deeper the joints of arms are than what is seen there.
+def hands_before(arms: Array) -> Array:
+    """How far forearms point at the camera and their hands are seen instead of their wrists, 0 to 1, shape (2,).
 
     Args:
         arms: Shoulder, elbow and wrist where the last frames expect them, optical frame, shape (2, 3, 3) [m].
-
-    Returns:
-        Shape (2, 3) [m].
     """
-    offsets = OFFSETS[:6].reshape(2, 3).copy()
     fore = unit(arms[:, 2] - arms[:, 1])
     pointing = -dot(fore, unit(arms[:, 2]))
-    offsets[:, 2] += HAND * ((pointing - _POINTING[0]) / (_POINTING[1] - _POINTING[0])).clip(0.0, 1.0)
-    return offsets
+    return ((pointing - _POINTING[0]) / (_POINTING[1] - _POINTING[0])).clip(0.0, 1.0)
 
 
 def shoulders_seen(arms: Array) -> Array:
-    """How far shoulders are seen and not their own arm before them, 0 to 1, shape (2,), of arms as in `arm_offsets`."""
+    """How far shoulders are seen and not their own arm before them, 0 to 1, shape (2,); arms as in `hands_before`."""
     upper = unit(arms[:, 1] - arms[:, 0])
     pointing = -dot(upper, unit(arms[:, 0]))
     return ((_BEFORE_SHOULDER[1] - pointing) / (_BEFORE_SHOULDER[1] - _BEFORE_SHOULDER[0])).clip(0.0, 1.0)
@@ -74,7 +71,7 @@ def covered(arms: Array, depth: Array) -> NDArray[np.bool_]:
     """Which joints are behind another one of their arm, going by what is seen there.
 
     Args:
-        arms: As in `arm_offsets`.
+        arms: As in `hands_before`.
         depth: Depths of the joints as measured, shape (2, 3) [m]; NaN where not.
 
     Returns:

@@ -200,7 +200,7 @@ class _YawFilter:
         y = math.remainder(measured - self._yaw - dt * self._rate, 2.0 * math.pi)
         # Innovations that keep their sign are a turn, and those that do not are noise.
         self._drift += (1.0 - math.exp(-dt / _DRIFT_TAU)) * (y - self._drift)
-        agility = min(max(self._drift**2 / (0.25 * variance), _CALM), _AGILE)
+        agility = min(max((self._drift**2 / (0.25 * variance)) ** 2, _CALM), _AGILE)
         q = agility * (_YAW_ACCELERATION * dt) ** 2
         a, b, c = a + dt * (2.0 * b + dt * c) + 0.25 * q * dt * dt, b + dt * c + 0.5 * q * dt, c + q
         gain, rate_gain = a / (a + variance), b / (a + variance)

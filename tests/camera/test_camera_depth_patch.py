@@ -51,6 +51,29 @@ def test_a_limb_before_a_wall_is_the_limb_and_not_the_mean():
     assert patch_depths(depth, np.array([[9.0, 10.0]]), np.array([np.nan])).depth[0] == pytest.approx(4.0)
 
 
+def test_a_hand_before_its_forearm_is_the_nearest_part():
+    """A forearm that points at the camera runs from the hand to the elbow without a gap."""
+    column = np.repeat(2500 + 40 * np.arange(9), 9).reshape(9, 9).astype(np.uint16)
+    hand_and_forearm = np.where(np.arange(9)[:, None] < 3, np.uint16(2500), column)
+    at, expected = np.array([[4.0, 4.0]]), np.array([2.5])
+    whole = patch_depths(hand_and_forearm, at, expected)
+    assert (whole.depth[0], whole.share[0]) == (pytest.approx(2.66), 1.0)
+    hand = patch_depths(hand_and_forearm, at, expected, np.array([0.25]))
+    assert (hand.depth[0], hand.share[0]) == (pytest.approx(2.5), 1.0)
+    assert hand.sigma[0] < 0.5 * whole.sigma[0]
+
+
+def test_all_of_a_cluster_is_what_counts_where_nothing_else_is_said():
+    depth = np.random.default_rng(0).normal(2500, 20, (100, 100)).astype(np.uint16)
+    pixels = np.random.default_rng(1).uniform(10, 90, (20, 2))
+    said, unsaid = (
+        patch_depths(depth, pixels, np.full(20, 2.5), np.ones(20)),
+        patch_depths(depth, pixels, np.full(20, 2.5)),
+    )
+    assert (said.depth == unsaid.depth).all()
+    assert (said.sigma == unsaid.sigma).all()
+
+
 def test_spread_is_a_standard_deviation():
     depth = np.random.default_rng(0).normal(2500, 20, (400, 400)).astype(np.uint16)
     pixels = np.random.default_rng(1).uniform(10, 390, (200, 2))
