@@ -9,7 +9,8 @@ What is found is the maximum a posteriori
 
 with the Cauchy loss c(r) = k log(1 + r^2 / k), k = 4, of the length of its argument. It is found from a start on the
 viewing rays (`limb_map`, which chooses between a limb forward and a limb backward) by Gauss-Newton steps, both arms at
-once.
+once. All that is known is a row J P = target with a standard deviation of 1, and only the rows of limb lengths change
+from step to step.
 """
 
 from dataclasses import dataclass
@@ -24,8 +25,16 @@ LENGTH_SIGMA = 0.02
 """How well a limb has its calibrated length [m]."""
 _CAUCHY = 4.0
 _ITERATIONS = 3
-_EYE = np.eye(3)
-_J, _NEAR, _FAR = np.arange(3), np.arange(2), np.arange(1, 3)
+
+_JOINT, _LIMB = np.arange(3), np.arange(2)
+_X, _Y, _DEPTH, _TRUNK, _RELATIVE, _LENGTH = _JOINT, 3 + _JOINT, 6 + _JOINT, 9 + _JOINT, 12 + _LIMB, 14 + _LIMB
+"""Rows: each joint across its ray, its depth, the shoulder's place in the trunk; of each limb what the model says, and
+the length."""
+_LOSS = np.array([0, 1, 2, 0, 1, 2, 3, 4, 5, 6, 6, 6, -1, -1, -1, -1])
+"""Rows that share an argument of the Cauchy loss; those with -1 have none."""
+_SHARED = ((_LOSS[:, None] == _LOSS) & (_LOSS >= 0)) / _CAUCHY
+_RIDGE = 1e-8 * np.eye(9)
+"""Keeps a joint where it is of whose depth nothing is known [1/m^2]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,48 +73,34 @@ def fit_arms(e: ArmEvidence, start: Array) -> Array:
     Returns:
         Joints, shape (2, 3, 3) [m].
     """
-    seen = np.isfinite(e.measured)
-    depth, precision = np.where(seen, e.measured, 0.0), np.where(seen, 1.0 / e.sigma**2, 0.0)
-    told = np.isfinite(e.relative)
-    relative, relative_precision = np.where(told, e.relative, 0.0), np.where(told, 1.0 / RELATIVE_SIGMA**2, 0.0)
-    trunk_known = np.isfinite(e.trunk[:, 0])
-    trunk = np.where(trunk_known[:, None], e.trunk, 0.0)
-    trunk_precision = np.where(trunk_known, 1.0 / e.trunk_sigma**2, 0.0)
-    across_precision = 1.0 / e.across**2
-    # d(P_xy - P_z ray_xy)/dP, and its square, of every joint.
-    lateral = np.zeros((2, 3, 2, 3))
-    lateral[..., 0, 0] = lateral[..., 1, 1] = 1.0
-    lateral[..., 2] = -e.rays[..., :2]
-    lateral_square = lateral.swapaxes(-1, -2) @ lateral
-    P = start.copy()
+    J, target = _rows(e)
+    by_joint = J.reshape(2, 16, 3, 3)
+    P = start.reshape(2, 9, 1)
     for _ in range(_ITERATIONS):
-        H = np.zeros((2, 3, 3, 3, 3))
-        g = np.zeros((2, 3, 3))
-        off = P[..., :2] - P[..., 2:] * e.rays[..., :2]
-        weight = across_precision / (1.0 + (off * off).sum(axis=-1) * across_precision / _CAUCHY)
-        H[:, _J, _J] = weight[..., None, None] * lateral_square
-        g += weight[..., None] * (lateral.swapaxes(-1, -2) @ off[..., None])[..., 0]
-        deep = P[..., 2] - depth
-        weight = precision / (1.0 + deep * deep * precision / _CAUCHY)
-        g[..., 2] += weight * deep
-        H[:, _J, _J, 2, 2] += weight
-        shifted = P[:, 0] - trunk
-        weight = trunk_precision / (1.0 + (shifted * shifted).sum(axis=-1) * trunk_precision / _CAUCHY)
-        g[:, 0] += weight[:, None] * shifted
-        H[:, 0, 0] += weight[:, None, None] * _EYE
-        limb = P[:, 1:] - P[:, :-1]
-        size = np.maximum(length(limb), 1e-6)
-        along = limb / size[..., None]
-        pull = (size - e.lengths) / LENGTH_SIGMA**2
-        step = pull[..., None] * along
-        step[..., 2] += relative_precision * (limb[..., 2] - relative)
-        block = (along[..., :, None] * along[..., None, :]) / LENGTH_SIGMA**2
-        block[..., 2, 2] += relative_precision
-        g[:, :2] -= step
-        g[:, 1:] += step
-        H[:, _NEAR, _NEAR] += block
-        H[:, _FAR, _FAR] += block
-        H[:, _NEAR, _FAR] = H[:, _FAR, _NEAR] = -block
-        A = H.transpose(0, 1, 3, 2, 4).reshape(2, 9, 9)
-        P = P - np.linalg.solve(A, g.reshape(2, 9, 1)).reshape(2, 3, 3)
-    return P
+        limb = (P[:, 3:] - P[:, :-3]).reshape(2, 2, 3)
+        along = limb / (LENGTH_SIGMA * np.maximum(length(limb), 1e-6))[..., None]
+        by_joint[:, _LENGTH, _LIMB], by_joint[:, _LENGTH, _LIMB + 1] = -along, along
+        r = (J @ P)[..., 0] - target
+        weight = 1.0 / (1.0 + (r * r) @ _SHARED)
+        weighted = (weight[..., None] * J).swapaxes(1, 2)
+        P = P - np.linalg.solve(weighted @ J + _RIDGE, weighted @ r[..., None])
+    return P.reshape(2, 3, 3)
+
+
+def _rows(e: ArmEvidence) -> tuple[Array, Array]:
+    """J, shape (2, 16, 9), without the rows of limb lengths, and the target, shape (2, 16)."""
+    J, target = np.zeros((2, 16, 3, 3)), np.zeros((2, 16))
+    across = 1.0 / e.across
+    J[:, _X, _JOINT, 0] = J[:, _Y, _JOINT, 1] = across
+    J[:, _X, _JOINT, 2], J[:, _Y, _JOINT, 2] = -across * e.rays[..., 0], -across * e.rays[..., 1]
+    # What is not known is a row of zeros.
+    seen, told, trunk = np.isfinite(e.measured), np.isfinite(e.relative), np.isfinite(e.trunk[:, :1])
+    J[:, _DEPTH, _JOINT, 2] = deep = np.where(seen, 1.0 / e.sigma, 0.0)
+    J[:, _TRUNK, 0, _JOINT] = fixed = np.where(trunk, 1.0 / e.trunk_sigma[:, None], 0.0)
+    J[:, _RELATIVE, _LIMB + 1, 2] = deeper = np.where(told, 1.0 / RELATIVE_SIGMA, 0.0)
+    J[:, _RELATIVE, _LIMB, 2] = -deeper
+    target[:, _DEPTH] = np.where(seen, e.measured, 0.0) * deep
+    target[:, _TRUNK] = np.where(trunk, e.trunk, 0.0) * fixed
+    target[:, _RELATIVE] = np.where(told, e.relative, 0.0) * deeper
+    target[:, _LENGTH] = e.lengths / LENGTH_SIGMA
+    return J.reshape(2, 16, 9), target

@@ -27,15 +27,13 @@ from camera_client.lift import Surfaces, lift, surfaces
 from camera_client.operator_lock import OperatorLock
 from camera_client.rejoin import Rejoin
 from camera_client.torso import BodyFrame, Torso
-from camera_client.vectors import unit
+from camera_client.vectors import between, unit
 from camera_client.wrist_basis import WristBasis, flexion_weight
 
 _LOST = 0.3
 """Time without measurement after which a joint may be anywhere [s]."""
 _DOUBT = 0.1
 """Time for which an arm is followed that the camera does not see where it is placed [s]."""
-_ARM_OF = np.array([-1, 0, 0, -1, 1, 1, -1, -1])
-"""Which arm elbows and wrists belong to, shape (8,)."""
 _SURE, _UNSURE = 0.04, 0.12
 """Standard deviations of a wrist's position of full and of no confidence [m]."""
 _ACCELERATION = np.array([6.0, 12.0, 12.0, 6.0, 12.0, 12.0, 4.0, 4.0])
@@ -114,9 +112,10 @@ class Chain:
             return self._hold("somebody else is before the camera")
         lifted = lift(seen, landmarks, self._filter, self._calibration, self._torso.shoulders())
         hidden = seen.seen[ARMS].reshape(2, 3).all(axis=1) & ~lifted.confirmed
-        self._doubt += np.where(hidden, dt, -2.0 * dt)
-        self._doubt = self._doubt.clip(0.0, 2.0 * _DOUBT)
-        measured = lifted.measured & ~np.isin(_ARM_OF, np.flatnonzero(hidden | (self._doubt > _DOUBT)))
+        self._doubt = (self._doubt + np.where(hidden, dt, -2.0 * dt)).clip(0.0, 2.0 * _DOUBT)
+        # The shoulders belong to the trunk.
+        measured = lifted.measured.copy()
+        measured[ARMS].reshape(2, 3)[hidden | (self._doubt > _DOUBT), 1:] = False
         self._measured[measured] = self._time
         self._filter.forget(self._time - self._measured > _LOST)
         on_lifted()
@@ -135,7 +134,8 @@ class Chain:
         if self._shown is not None:
             # The hips move the pelvis frame, and with it both arms.
             back = leapt | ~self._shown.tracked | anew[ARMS].reshape(2, 3).any(axis=1) | anew[HIPS].any()
-            self._rejoin.begin(tracked & back, (self._shown.shoulders, shoulders), (self._shown.limbs, limbs))
+            if (tracked & back).any():
+                self._rejoin.begin(tracked & back, (self._shown.shoulders, shoulders), (self._shown.limbs, limbs))
             held = ~tracked[:, None]
             shoulders, limbs = self._rejoin.apply(shoulders, limbs, dt)
             shoulders = np.where(held, self._shown.shoulders, shoulders)
@@ -157,7 +157,7 @@ class Chain:
         joints[:, 1:] = self._calibration.lengths[..., None] * limbs
         joints = joints.cumsum(axis=1)
         velocity = self._filter.velocity
-        base = velocity[HIPS if self._filter.known[HIPS].all() else SHOULDERS].mean(axis=0)
+        base = between(*velocity[HIPS if self._filter.known[HIPS].all() else SHOULDERS])
         velocity = body.directions(velocity[ARMS] - base).reshape(2, 3, 3)
         self.latest = ArmsEstimate(
             t_capture=self._time,

@@ -1,7 +1,7 @@
 """Depth at a few pixels, from the cluster of the surroundings that the joint belongs to.
 
 At the edge of a limb a patch holds foreground and background, and its mean is neither. Depths are sorted, split where
-they leave a gap, and the cluster nearest to where the joint is expected counts. All pixels are done at once.
+they leave a gap, and the cluster nearest to where the joint is expected counts. All patches are done at once.
 """
 
 from dataclasses import dataclass
@@ -23,8 +23,8 @@ _LEAST_SIGMA = 0.012
 _NEAREST = 300
 """Depths below this are no measurement [mm]."""
 
-_OFFSETS = np.stack(np.meshgrid(np.arange(-RADIUS, RADIUS + 1), np.arange(-RADIUS, RADIUS + 1)), axis=-1).reshape(-1, 2)
-_SIZE = len(_OFFSETS)
+_SIDE = 2 * RADIUS + 1
+_SIZE = _SIDE * _SIDE
 _PLACES = np.arange(_SIZE)
 
 
@@ -33,8 +33,8 @@ class PatchDepths:
     """What the patches say.
 
     Attributes:
-        depth: Median of the cluster, shape (n,) [m]; NaN where there is none.
-        sigma: How far its members spread, as a standard deviation, shape (n,) [m].
+        depth: Median of what counts of the cluster, shape (n,) [m]; NaN where there is none.
+        sigma: How far it spreads, as a standard deviation, shape (n,) [m].
         share: Share of the patch in the cluster, 0 to 1, shape (n,).
     """
 
@@ -43,55 +43,60 @@ class PatchDepths:
     share: Array
 
 
-def patch_depths(depth: NDArray[np.uint16], pixels: Array, expected: Array) -> PatchDepths:
+def patch_depths(
+    depth: NDArray[np.uint16], pixels: Array, expected: Array, nearest: Array | None = None
+) -> PatchDepths:
     """Read depths around pixels.
 
     Args:
         depth: The depth picture, shape (height, width) [mm]; 0 where unknown.
         pixels: Column and row, shape (n, 2); a patch around NaN or outside the picture has no depth.
         expected: Depth of the surface that is looked for, shape (n,) [m]; NaN takes the largest cluster.
+        nearest: Share of each cluster that counts, from its near end, above 0, shape (n,); None for all of it.
 
     Returns:
         Depth, spread and share of the clusters.
     """
-    values = np.sort(_gather(depth, pixels), axis=1)
-    valid = values > 0.0
-    # A cluster ends before a gap; the invalid zeros come first and are cut off by the gap to the first valid depth.
-    starts = np.ones(values.shape, dtype=bool)
-    starts[:, 1:] = np.diff(values, axis=1) > GAP
-    first = np.maximum.accumulate(np.where(starts, _PLACES, 0), axis=1)
-    ends = np.ones_like(starts)
-    ends[:, :-1] = starts[:, 1:]
-    last = np.minimum.accumulate(np.where(ends, _PLACES, _SIZE - 1)[:, ::-1], axis=1)[:, ::-1]
-    size = last - first + 1
-    rows = np.arange(len(values))
-    middle = np.take_along_axis(values, (first + last) // 2, axis=1)
-    known = np.isfinite(expected)
-    badness = np.where(known[:, None], np.abs(middle - np.where(known, expected, 0.0)[:, None]), -size)
-    badness = np.where(valid & (size >= _LEAST_SHARE * _SIZE), badness, np.inf)
-    best = badness.argmin(axis=1)
-    found = badness[rows, best] < np.inf
-    median = middle[rows, best]
-    first, last, size = first[rows, best], last[rows, best], size[rows, best]
+    values = _sorted_patches(depth, pixels)
+    # A cluster begins after a gap; the zeros of what is unknown come first and are one of their own.
+    begins = np.ones(values.shape, dtype=bool)
+    begins[:, 1:] = values[:, 1:] - values[:, :-1] > GAP
+    first = np.flatnonzero(begins)
+    size = np.concatenate([first[1:], [values.size]]) - first
+    row, column = np.divmod(first, _SIZE)
+    median = values.ravel()[first + (size - 1) // 2]
+    badness = np.abs(median - expected[row])
+    badness = np.where(np.isnan(badness), -size, badness)
+    badness[(median == 0.0) | (size < _LEAST_SHARE * _SIZE)] = np.inf
+    # Clusters row by row, the best of each first.
+    best = np.lexsort((badness, row))[column == 0]
+    found = badness[best] < np.inf
+    first, begin, size = first[best], column[best, None], size[best]
+    share = np.where(found, size / _SIZE, 0.0)
+    if nearest is not None:
+        size = np.ceil(nearest * size).astype(np.intp)
+    median = values.ravel()[first + (size - 1) // 2]
     spread = np.abs(values - median[:, None])
-    spread[(first[:, None] > _PLACES) | (last[:, None] < _PLACES)] = np.inf
+    spread[(begin > _PLACES) | (begin + size[:, None] <= _PLACES)] = np.inf
+    spread.sort(axis=1)
     # 1.48 times the median distance from the median is the standard deviation of a normal distribution.
-    mad = np.sort(spread, axis=1)[rows, (size - 1) // 2]
+    mad = spread[np.arange(len(best)), (size - 1) // 2]
     return PatchDepths(
         depth=np.where(found, median, np.nan),
         sigma=np.where(found, np.maximum(1.48 * mad, _LEAST_SIGMA), np.inf),
-        share=np.where(found, size / _SIZE, 0.0),
+        share=share,
     )
 
 
-def _gather(depth: NDArray[np.uint16], pixels: Array) -> Array:
-    """The patches, shape (n, 81) [m], with 0 for what is unknown, too near or outside the picture."""
+def _sorted_patches(depth: NDArray[np.uint16], pixels: Array) -> Array:
+    """The depths of the patches, sorted, shape (n, 81) [m], with 0 for what is unknown, too near or outside."""
     height, width = depth.shape
-    inside = (pixels >= -0.5) & (pixels < (width - 0.5, height - 0.5))
-    inside = np.asarray(inside.all(axis=1))
-    centre = np.rint(np.where(inside[:, None], pixels, 0.0)).astype(np.intp)
-    at = centre[:, None, :] + _OFFSETS
-    column, row = at[..., 0], at[..., 1]
-    usable = inside[:, None] & (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    values = depth[row.clip(0, height - 1), column.clip(0, width - 1)]
-    return np.where(usable & (values >= _NEAREST), values * 1e-3, 0.0)
+    patches = np.zeros((len(pixels), _SIDE, _SIDE), np.uint16)
+    for patch, (x, y) in zip(patches, pixels.tolist(), strict=True):
+        # A NaN compares as false.
+        if -0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5:
+            column, row = round(x), round(y)
+            part = depth[max(row - RADIUS, 0) : row + RADIUS + 1, max(column - RADIUS, 0) : column + RADIUS + 1]
+            patch[: part.shape[0], : part.shape[1]] = part
+    patches[patches < _NEAREST] = 0
+    return np.sort(patches.reshape(-1, _SIZE), axis=1).astype(np.float64) * 1e-3

@@ -48,6 +48,8 @@ ARMS = slice(0, 6)
 """The arms among the tracked joints; reshaped to (2, 3, ...) they are left and right, from the shoulder out."""
 SHOULDERS = np.array([0, 3])
 """The shoulders among the tracked joints, left first."""
+WRISTS = np.array([2, 5])
+"""The wrists among the tracked joints, left first."""
 HIPS = np.array([6, 7])
 """The hips among the tracked joints, left first."""
 
@@ -78,8 +80,8 @@ class Landmarks:
         """Which tracked joints are in the picture and more than a guess, shape (8,)."""
         p = self.pixels[TRACKED]
         # A NaN compares as false.
-        inside = (p[:, 0] >= 0.0) & (p[:, 0] <= width - 1) & (p[:, 1] >= 0.0) & (p[:, 1] <= height - 1)
-        return inside & (self.visibility[TRACKED] >= _SEEN)
+        inside = (p >= 0.0) & (p <= (width - 1, height - 1))
+        return inside[:, 0] & inside[:, 1] & (self.visibility[TRACKED] >= _SEEN)
 
     def credible(self, width: int, height: int) -> bool:
         """Whether this looks like a person who faces the camera: both shoulders sure, not tiny, above the hips."""

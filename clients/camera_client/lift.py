@@ -16,12 +16,12 @@ from camera_client.calibration import Calibration
 from camera_client.depth_patch import patch_depths
 from camera_client.frame import RgbdFrame
 from camera_client.kalman import JointFilter, Mask
-from camera_client.landmarks import ARMS, HIPS, SHOULDERS, TRACKED, Landmarks
+from camera_client.landmarks import ARMS, HIPS, SHOULDERS, TRACKED, WRISTS, Landmarks
 from camera_client.limb_map import DepthEvidence, fit_depths
 from camera_client.monocular import MODEL_SIGMA, model_depths
-from camera_client.surface import OFFSETS, arm_offsets, covered, shoulder_shift, shoulders_seen
+from camera_client.surface import HAND, HAND_SHARE, OFFSETS, covered, hands_before, shoulder_shift, shoulders_seen
 from camera_client.trunk_plane import trunk_turn
-from camera_client.vectors import length, middle
+from camera_client.vectors import between, length, middle
 from ik_proto import Array
 
 ACROSS_SIGMA = 0.012
@@ -47,6 +47,9 @@ _FIRST_SIGMA = 0.5
 _SLACK = 0.02
 """What the last frames expect is never better than this [m]."""
 _TRUNK = np.concatenate([SHOULDERS, HIPS])
+_TRUNK_SIGMAS = np.full(2, TRUNK_SIGMA)
+_NOWHERE = np.full((2, 3), math.nan)
+"""The shoulders of a trunk that does not tell."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,29 +123,30 @@ def surfaces(frame: RgbdFrame, landmarks: Landmarks, joints: JointFilter, calibr
         position = np.where(known[:, None], position, (0.0, 0.0, np.nanmedian(body)))
     front = trunk_turn(frame.depth, pixels[_TRUNK], frame.intrinsics) - calibration.front
     pixels[SHOULDERS] += shoulder_shift(calibration.up_camera, position[SHOULDERS, 2].mean(), frame.intrinsics)
-    offsets = OFFSETS.copy()
+    offsets, share = OFFSETS.copy(), np.ones(len(TRACKED))
     arms = position[ARMS].reshape(2, 3, 3)
     sure = np.ones(2)
     if known[ARMS].all():
         sure = shoulders_seen(arms)
-        offsets[ARMS] = arm_offsets(arms).ravel()
-    patches = patch_depths(frame.depth, pixels, position[:, 2] - offsets)
+        hands = hands_before(arms)
+        offsets[WRISTS] += HAND * hands
+        share[WRISTS] -= (1.0 - HAND_SHARE) * hands
+    patches = patch_depths(frame.depth, pixels, position[:, 2] - offsets, share)
     depth = patches.depth + offsets
-    near = np.abs(depth - position[:, 2]) <= np.where(known, _WINDOW, _WINDOW.max())
-    depth = np.where(near, depth, np.nan)
-    trunk = depth[_TRUNK]
-    if not np.isfinite(trunk).any():
+    depth[~(np.abs(depth - position[:, 2]) <= np.where(known, _WINDOW, _WINDOW.max()))] = np.nan
+    torso = middle(depth[_TRUNK])
+    if math.isnan(torso):
         return None
-    torso = middle(trunk)
-    off = depth[ARMS] - torso
-    depth[ARMS] = np.where((off > _REACH[0]) & (off < _REACH[1]), depth[ARMS], np.nan)
+    arms_depth = depth[ARMS]
+    off = arms_depth - torso
+    arms_depth[(off <= _REACH[0]) | (off >= _REACH[1])] = np.nan
     if known[ARMS].all():
-        depth[ARMS] = np.where(covered(arms, depth[ARMS].reshape(2, 3)).ravel(), np.nan, depth[ARMS])
+        arms_depth[covered(arms, arms_depth.reshape(2, 3)).ravel()] = np.nan
     rays = frame.intrinsics.rays(np.where(seen[:, None], pixels, 0.0))
-    sigma = np.maximum(patches.sigma, DEPTH_SIGMA) / np.clip(1.5 * patches.share, 0.3, 1.0)
+    sigma = np.maximum(patches.sigma, DEPTH_SIGMA) / (1.5 * patches.share).clip(0.3, 1.0)
     sigma[SHOULDERS] /= np.maximum(sure, _LEAST_SURE)
     along = np.where(np.isfinite(depth), DEPTH_SIGMA, GUESSED_SIGMA)
-    return Surfaces(seen, rays, depth, sigma, sure, front, along, rays[SHOULDERS].mean(axis=0) * torso)
+    return Surfaces(seen, rays, depth, sigma, sure, front, along, between(*rays[SHOULDERS]) * torso)
 
 
 def _guessed(frame: RgbdFrame, landmarks: Landmarks, seen: Mask, calibration: Calibration) -> Surfaces | None:
@@ -151,11 +155,11 @@ def _guessed(frame: RgbdFrame, landmarks: Landmarks, seen: Mask, calibration: Ca
     if depth is None:
         return None
     pixels = np.where(seen[:, None], landmarks.pixels[TRACKED], 0.0)
-    torso = float(depth[SHOULDERS].mean())
+    torso = float(between(*depth[SHOULDERS]))
     pixels[SHOULDERS] += shoulder_shift(calibration.up_camera, torso, frame.intrinsics)
     rays = frame.intrinsics.rays(pixels)
     sigma = np.full(len(TRACKED), MODEL_SIGMA)
-    return Surfaces(seen, rays, depth, sigma, np.ones(2), math.nan, sigma, rays[SHOULDERS].mean(axis=0) * torso, True)
+    return Surfaces(seen, rays, depth, sigma, np.ones(2), math.nan, sigma, between(*rays[SHOULDERS]) * torso, True)
 
 
 def lift(
@@ -183,53 +187,55 @@ def lift(
     if shoulders is not None:
         expected[SHOULDERS], expected_sigma[SHOULDERS] = shoulders[:, 2], TRUNK_SIGMA
     relative = relative_depths(landmarks, calibration)
+    rays = seen.rays[ARMS].reshape(2, 3, 3)
+    measured, sigma = seen.depth[ARMS].reshape(2, 3), seen.sigma[ARMS].reshape(2, 3)
     fitted, _ = fit_depths(
         DepthEvidence(
-            rays=seen.rays[ARMS].reshape(2, 3, 3),
-            measured=seen.depth[ARMS].reshape(2, 3),
-            sigma=seen.sigma[ARMS].reshape(2, 3),
+            rays=rays,
+            measured=measured,
+            sigma=sigma,
             prior=expected[ARMS].reshape(2, 3),
             prior_sigma=expected_sigma[ARMS].reshape(2, 3),
             lengths=calibration.lengths,
             relative=relative,
         )
     )
-    rays = seen.rays[ARMS].reshape(2, 3, 3)
-    across = np.tile(PIXEL_SIGMA, (2, 1))
+    across = np.array((PIXEL_SIGMA, PIXEL_SIGMA))
     across[:, 0] /= np.maximum(seen.sure, _LEAST_SURE)
-    told = np.full((2, 3), np.nan) if shoulders is None else shoulders
     arms = fit_arms(
         ArmEvidence(
             rays=rays,
             across=across,
-            measured=seen.depth[ARMS].reshape(2, 3),
-            sigma=seen.sigma[ARMS].reshape(2, 3),
-            trunk=told,
-            trunk_sigma=np.full(2, TRUNK_SIGMA),
+            measured=measured,
+            sigma=sigma,
+            trunk=_NOWHERE if shoulders is None else shoulders,
+            trunk_sigma=_TRUNK_SIGMAS,
             lengths=calibration.lengths,
             relative=relative,
         ),
         fitted[..., None] * rays,
     )
     # A whole arm has the places that fit its limbs; of a part of one only what was measured counts.
-    whole = np.repeat(seen.seen[ARMS].reshape(2, 3).all(axis=1), 3)
-    usable = seen.seen & (np.isfinite(seen.depth) | np.concatenate([whole, [False, False]]))
+    usable = np.isfinite(seen.depth)
     places = np.where(usable, seen.depth, 0.0)[:, None] * seen.rays
-    places[ARMS] = np.where(whole[:, None], arms.reshape(6, 3), places[ARMS])
-    sigma = np.full((len(TRACKED), 3), ACROSS_SIGMA)
-    sigma[:, 2] = seen.along
+    whole = seen.seen[ARMS].reshape(2, 3).all(axis=1)
+    usable[ARMS].reshape(2, 3)[whole] = True
+    places[ARMS].reshape(2, 3, 3)[whole] = arms[whole]
+    usable &= seen.seen
+    spread = np.full((len(TRACKED), 3), ACROSS_SIGMA)
+    spread[:, 2] = seen.along
     if shoulders is not None:
-        behind = np.zeros(len(TRACKED), dtype=bool)
-        behind[SHOULDERS] = ~usable[SHOULDERS]
-        places[SHOULDERS] = np.where(behind[SHOULDERS, None], shoulders, places[SHOULDERS])
-        sigma[behind], usable = GUESSED_SIGMA, usable | behind
+        behind = ~usable[SHOULDERS]
+        if behind.any():
+            unseen = SHOULDERS[behind]
+            places[unseen], spread[unseen], usable[unseen] = shoulders[behind], GUESSED_SIGMA, True
     # Where nothing is measured, the comparisons are false.
     off = (seen.depth[ARMS] - places[ARMS, 2]).reshape(2, 3)[:, 1:]
     confirmed = (np.abs(off) < _CONFIRMED).any(axis=1) & ~(off < -_CONFIRMED).any(axis=1)
     if shoulders is not None:
         # What drags a shoulder out of the trunk is no arm.
         confirmed &= length(arms[:, 0] - shoulders) < _CONFIRMED
-    return Lifted(places, sigma, usable, confirmed | seen.guessed)
+    return Lifted(places, spread, usable, confirmed | seen.guessed)
 
 
 def relative_depths(landmarks: Landmarks, calibration: Calibration) -> Array:
@@ -243,6 +249,6 @@ def relative_depths(landmarks: Landmarks, calibration: Calibration) -> Array:
         return np.full((2, 2), np.nan)
     arms = landmarks.world[TRACKED[ARMS]].reshape(2, 3, 3)
     limbs = arms[:, 1:] - arms[:, :-1]
-    modelled = np.sqrt((limbs * limbs).sum(axis=-1)).sum(axis=1)
+    modelled = length(limbs).sum(axis=1)
     scale = calibration.lengths.sum(axis=1) / np.maximum(modelled, 1e-3)
     return limbs[..., 2] * scale[:, None]

@@ -11,10 +11,12 @@ towards the camera and one away from it, so several starts are followed at once 
 3 x 3 systems are tridiagonal. Both arms and all starts are one array of shape (joint, arm, start).
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from camera_client.vectors import length
 from ik_proto import Array
 
 LENGTH_SIGMA = 0.05
@@ -23,9 +25,15 @@ RELATIVE_SIGMA = 0.15
 """How well a pose model knows how much deeper one joint is than another [m]."""
 
 _CAUCHY = 4.0
+_SQRT_K = math.sqrt(_CAUCHY)
 _ITERATIONS = 4
 _NEAREST = 0.2
 """No joint is nearer to the camera [m]."""
+_TINY = 1e-9
+"""Squared length of a limb below which it has no direction."""
+_ARMS = np.arange(2)
+_FORWARD = np.array([[-1.0, -1.0, 1.0, 1.0], [-1.0, 1.0, -1.0, 1.0]])
+"""Ways of upper arm and forearm, towards the camera or away from it, of four starts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,38 +75,38 @@ def fit_depths(evidence: DepthEvidence) -> tuple[Array, Array]:
     for _ in range(_ITERATIONS):
         trial = problem.evaluate(np.maximum(state[:3] - _step(state, damping), _NEAREST))
         better = trial[_COST] < state[_COST]
-        state = np.where(better, trial, state)
-        damping = np.where(better, damping * 0.1, damping * 30.0)
+        np.copyto(state, trial, where=better)
+        damping *= np.where(better, 0.1, 30.0)
     best = state[_COST].argmin(axis=1)
-    arms = np.arange(len(best))
-    return state[:3, arms, best].T, state[_COST, arms, best]
+    return state[:3, _ARMS, best].T, _CAUCHY * state[_COST, _ARMS, best]
 
 
 def cost_of(evidence: DepthEvidence, depths: Array) -> Array:
     """What depths cost, shape (2,), for depths of shape (2, 3) [m]."""
-    return _Problem(evidence).evaluate(depths.T[:, :, None])[_COST, :, 0]
+    return _CAUCHY * _Problem(evidence).evaluate(depths.T[:, :, None])[_COST, :, 0]
 
 
 _COST = 3
 """Rows of a state: depths 0 to 2, the cost, half its gradient 4 to 6, half the diagonal of its Hessian 7 to 9, and what
-is beside the diagonal, 10 and 11."""
+is beside the diagonal, 10 and 11. The cost is in units of k."""
 
 
 class _Problem:
-    """The cost, shaped (joint or limb, arm, start)."""
+    """The cost, shaped (joint or limb, arm, start). All that is squared is in units of its deviation times sqrt(k)."""
 
     def __init__(self, e: DepthEvidence) -> None:
-        rays = e.rays.transpose(1, 0, 2)
-        gram = (rays * rays).sum(axis=-1)[..., None]
+        rays = e.rays.transpose(1, 0, 2) / (LENGTH_SIGMA * _SQRT_K)
+        gram = np.vecdot(rays, rays)[..., None]
         self._aa, self._bb = gram[:2], gram[1:]
-        self._ab = (rays[:2] * rays[1:]).sum(axis=-1)[..., None]
-        self._lengths = e.lengths.T[..., None]
-        seen = np.isfinite(e.measured)
-        self._targets = np.stack([np.where(seen, e.measured, 0.0).T, e.prior.T])[..., None]
-        self._precision = np.stack([np.where(seen, 1.0 / e.sigma, 0.0).T, 1.0 / e.prior_sigma.T])[..., None]
-        told = np.isfinite(e.relative)
-        self._relative = np.where(told, e.relative, 0.0).T[..., None]
-        self._relative_precision = np.where(told, 1.0 / RELATIVE_SIGMA, 0.0).T[..., None]
+        self._ab = np.vecdot(rays[:2], rays[1:])[..., None]
+        self._lengths = e.lengths.T[..., None] / (LENGTH_SIGMA * _SQRT_K)
+        seen, told = np.isfinite(e.measured), np.isfinite(e.relative)
+        precision = np.array((np.where(seen, 1.0 / e.sigma, 0.0).T, 1.0 / e.prior_sigma.T))[..., None]
+        self._precision = precision / _SQRT_K
+        self._targets = self._precision * np.array((np.where(seen, e.measured, 0.0).T, e.prior.T))[..., None]
+        self._p = np.where(told, 1.0 / (RELATIVE_SIGMA * _SQRT_K), 0.0).T[..., None]
+        self._relative = self._p * np.where(told, e.relative, 0.0).T[..., None]
+        self._pp = self._p * self._p
 
     def evaluate(self, z: Array) -> Array:
         """A state, shape (12, arm, start), of depths, shape (3, arm, start)."""
@@ -106,26 +114,24 @@ class _Problem:
         out[:3] = z
         near, far = z[:2], z[1:]
         n_near, n_far = near * self._aa - far * self._ab, far * self._bb - near * self._ab
-        length = np.sqrt(np.maximum(near * n_near + far * n_far, 1e-12))
-        scale = 1.0 / (LENGTH_SIGMA * length)
-        j_near, j_far = n_near * scale, n_far * scale
-        r = (length - self._lengths) / LENGTH_SIGMA
-        p = self._relative_precision
-        d = (far - near - self._relative) * p
+        size = np.sqrt(np.maximum(near * n_near + far * n_far, _TINY))
+        j_near, j_far = n_near / size, n_far / size
+        r = size - self._lengths
+        d = (far - near) * self._p - self._relative
         # Iteratively reweighted least squares: the weight of a Cauchy loss is 1 / (1 + r^2 / k).
-        e = (z - self._targets) * self._precision
-        softened = 1.0 + e * e / _CAUCHY
+        e = z * self._precision - self._targets
+        softened = 1.0 + e * e
         weighted = self._precision / softened
-        out[_COST] = _CAUCHY * np.log(softened).sum(axis=(0, 1)) + (r * r + d * d).sum(axis=0)
+        out[_COST] = np.log(softened).sum(axis=(0, 1)) + (r * r + d * d).sum(axis=0)
         gradient, diagonal = out[4:7], out[7:10]
         (weighted * e).sum(axis=0, out=gradient)
         (weighted * self._precision).sum(axis=0, out=diagonal)
-        pd, pp = p * d, p * p
+        pd = self._p * d
         gradient[:2] += j_near * r - pd
         gradient[1:] += j_far * r + pd
-        diagonal[:2] += j_near * j_near + pp
-        diagonal[1:] += j_far * j_far + pp
-        out[10:] = j_near * j_far - pp
+        diagonal[:2] += j_near * j_near + self._pp
+        diagonal[1:] += j_far * j_far + self._pp
+        out[10:] = j_near * j_far - self._pp
         return out
 
 
@@ -143,15 +149,14 @@ def _step(state: Array, damping: Array) -> Array:
 
 def _starts(e: DepthEvidence) -> Array:
     """Depths to start from, shape (3, arm, start): as measured, as expected, and each limb forward and backward."""
-    base = np.where(np.isfinite(e.measured), e.measured, e.prior).T
-    starts = np.empty((3, base.shape[1], 6))
-    starts[:, :, 0], starts[:, :, 1] = base, e.prior.T
-    starts[0, :, 2:] = base[0, :, None]
-    across = e.rays[:, 1:, :2] - e.rays[:, :-1, :2]
-    across = np.sqrt((across * across).sum(axis=-1))
-    for limb, signs in ((0, (-1.0, -1.0, 1.0, 1.0)), (1, (-1.0, 1.0, -1.0, 1.0))):
+    starts = np.empty((3, len(_ARMS), 6))
+    starts[:, :, 0] = np.where(np.isfinite(e.measured), e.measured, e.prior).T
+    starts[:, :, 1] = e.prior.T
+    starts[0, :, 2:] = starts[0, :, :1]
+    across = length(e.rays[:, 1:, :2] - e.rays[:, :-1, :2])[..., None]
+    squares = (e.lengths * e.lengths)[..., None]
+    for limb, signs in enumerate(_FORWARD):
         z = starts[limb, :, 2:]
-        lateral = across[:, limb, None] * z
-        depth = np.sqrt(np.maximum(e.lengths[:, limb, None] ** 2 - lateral * lateral, 0.0))
-        starts[limb + 1, :, 2:] = z + np.array(signs) * depth
+        lateral = across[:, limb] * z
+        starts[limb + 1, :, 2:] = z + signs * np.sqrt(np.maximum(squares[:, limb] - lateral * lateral, 0.0))
     return np.maximum(starts, _NEAREST)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camera_client.landmarks import HIPS, SHOULDERS
-from camera_client.vectors import transport, unit
+from camera_client.vectors import between, transport, unit
 from ik_proto import Array
 
 R_FACING_CAMERA = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -147,7 +147,7 @@ class Torso:
         yaw = self._yaw.update(measured, variance, dt)
         c, s = math.cos(yaw), math.sin(yaw)
         R = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ self._R_level_camera
-        shoulders = 0.5 * (joints[SHOULDERS[0]] + joints[SHOULDERS[1]])
+        shoulders = between(*joints[SHOULDERS])
         if self._share is None:
             self._share = float(hips_known)
         elif hips_known:
@@ -159,7 +159,7 @@ class Torso:
         self._half_width += (learnt if self._half_width else 1.0) * (half_width - self._half_width)
         origin = shoulders + self._below @ R
         if hips_known:
-            hips = 0.5 * (joints[HIPS[0]] + joints[HIPS[1]])
+            hips = between(*joints[HIPS])
             self._below += learnt * (R @ (hips - shoulders) - self._below)
             origin = origin + self._share * (hips - origin)
         self._frame = BodyFrame(origin, R, yaw)
@@ -200,7 +200,7 @@ class _YawFilter:
         y = math.remainder(measured - self._yaw - dt * self._rate, 2.0 * math.pi)
         # Innovations that keep their sign are a turn, and those that do not are noise.
         self._drift += (1.0 - math.exp(-dt / _DRIFT_TAU)) * (y - self._drift)
-        agility = min(max(self._drift**2 / (0.25 * variance), _CALM), _AGILE)
+        agility = min(max((self._drift**2 / (0.25 * variance)) ** 2, _CALM), _AGILE)
         q = agility * (_YAW_ACCELERATION * dt) ** 2
         a, b, c = a + dt * (2.0 * b + dt * c) + 0.25 * q * dt * dt, b + dt * c + 0.5 * q * dt, c + q
         gain, rate_gain = a / (a + variance), b / (a + variance)

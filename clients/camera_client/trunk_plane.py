@@ -17,13 +17,17 @@ from ik_proto import Array
 
 _ACROSS, _DOWN = np.linspace(0.1, 0.9, 11), np.linspace(0.08, 0.95, 12)
 """Where depths are read, from right to left and from the shoulders to the hips."""
-_SHARES = np.stack(np.meshgrid(_ACROSS, _DOWN), axis=-1).reshape(-1, 2)
+_ACROSS, _DOWN = (share.ravel() for share in np.meshgrid(_ACROSS, _DOWN))
+_BLEND = np.stack([_ACROSS * (1 - _DOWN), (1 - _ACROSS) * (1 - _DOWN), _ACROSS * _DOWN, (1 - _ACROSS) * _DOWN], axis=1)
+"""How much of each corner there is in each of these places, shape (132, 4)."""
 _LEAST = 40
 """Depths that a plane needs."""
 _BEFORE = 0.06
 """What is further in front of the plane than this is an arm [m]."""
 _SCALES = (0.15, 0.06, 0.04)
 """Where a depth counts half, from one iteration to the next [m]."""
+_RIDGE = 1e-9 * np.eye(3)
+"""Keeps the fit regular where nothing counts."""
 _NEAREST = 300
 """Depths below this are no measurement [mm]."""
 
@@ -41,25 +45,21 @@ def trunk_turn(depth: NDArray[np.uint16], corners: Array, intrinsics: Intrinsics
     """
     if not np.isfinite(corners).all():
         return math.nan
-    across, down = _SHARES[:, :1], _SHARES[:, 1:]
-    top = corners[1] + across * (corners[0] - corners[1])
-    pixels = np.rint(top + down * (corners[3] + across * (corners[2] - corners[3]) - top)).astype(np.intp)
     height, width = depth.shape
-    column, row = pixels[:, 0].clip(0, width - 1), pixels[:, 1].clip(0, height - 1)
+    pixels = np.rint(_BLEND @ corners)
+    column, row = np.minimum(np.maximum(pixels, 0.0), (width - 1, height - 1)).astype(np.intp).T
     z = depth[row, column]
-    valid = z >= _NEAREST
-    if valid.sum() < _LEAST:
+    valid = np.flatnonzero(z >= _NEAREST)
+    if len(valid) < _LEAST:
         return math.nan
-    z, column, down = z[valid] * 1e-3, column[valid], down[valid, 0]
+    z, column = z[valid] * 1e-3, column[valid]
     centre = middle(z)
-    D = np.empty((len(z), 3))
-    D[:, 0], D[:, 2] = 1.0, down - 0.5
-    D[:, 1] = (column - column.mean()) / intrinsics.fx * centre
+    D = np.empty((3, len(z)))
+    D[0], D[1], D[2] = 1.0, (column - column.mean()) * (centre / intrinsics.fx), _DOWN[valid] - 0.5
     plane = np.array([centre, 0.0, 0.0])
     for scale in _SCALES:
-        off = z - D @ plane
-        weight = np.where(off < -max(_BEFORE, scale), 0.0, 1.0 / (1.0 + (off / scale) ** 2))
-        A = D.T @ (weight[:, None] * D)
-        A[range(3), range(3)] += 1e-9
-        plane = np.linalg.solve(A, D.T @ (weight * z))
+        off = z - plane @ D
+        weight = (off >= -max(_BEFORE, scale)) / (1.0 + (off / scale) ** 2)
+        weighted = weight * D
+        plane = np.linalg.solve(weighted @ D.T + _RIDGE, weighted @ z)
     return math.atan(plane[1]) if weight.sum() > 0.5 * _LEAST else math.nan

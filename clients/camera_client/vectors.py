@@ -7,32 +7,34 @@ import numpy as np
 from ik_proto import Array
 
 _TINY = 1e-9
+_NEXT = np.array([1, 2, 0])
+"""After x comes y, after y z, after z x."""
 
 
 def cross(a: Array, b: Array) -> Array:
     """Cross products, shape (..., 3)."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
-    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    out[..., 0] = ay * bz - az * by
-    out[..., 1] = az * bx - ax * bz
-    out[..., 2] = ax * by - ay * bx
-    return out
+    # What is taken from x and y is z of the product, and so on round.
+    return (a * b.take(_NEXT, axis=-1) - a.take(_NEXT, axis=-1) * b).take(_NEXT, axis=-1)
 
 
 def dot(a: Array, b: Array) -> Array:
     """Dot products, shape (...)."""
-    return (a * b).sum(axis=-1)
+    return np.vecdot(a, b)
 
 
 def length(a: Array) -> Array:
     """Euclidean lengths, shape (...)."""
-    return np.sqrt((a * a).sum(axis=-1))
+    return np.sqrt(np.vecdot(a, a))
 
 
 def unit(a: Array) -> Array:
     """Vectors of length 1; one of length 0 stays."""
     return a / np.maximum(length(a), _TINY)[..., None]
+
+
+def between(a: Array, b: Array) -> Array:
+    """The middle of two points."""
+    return 0.5 * (a + b)
 
 
 def middle(values: Array) -> float:
@@ -66,8 +68,12 @@ def turn_between(a: Array, b: Array) -> Array:
     For opposite vectors any perpendicular axis will do; the one taken is perpendicular to a's smallest component.
     """
     c = cross(a, b)
-    s = length(c)
-    helper = np.zeros_like(a)
-    np.put_along_axis(helper, np.abs(a).argmin(axis=-1, keepdims=True), 1.0, axis=-1)
-    axis = np.where((s < _TINY)[..., None], unit(cross(a, helper)), c / np.maximum(s, _TINY)[..., None])
-    return axis * np.arctan2(s, dot(a, b))[..., None]
+    s, along = length(c), dot(a, b)
+    angle = np.arctan2(s, along)
+    turn = c * (angle / np.maximum(s, _TINY))[..., None]
+    opposite = (s < _TINY) & (along < 0.0)
+    if opposite.any():
+        helper = np.zeros_like(a)
+        np.put_along_axis(helper, np.abs(a).argmin(axis=-1, keepdims=True), 1.0, axis=-1)
+        turn = np.where(opposite[..., None], np.pi * unit(cross(a, helper)), turn)
+    return turn

@@ -10,6 +10,8 @@ smallest rotation (parallel transport) and only follows what is measured as far 
 An arm that begins straight has the axis of a hanging arm, y = left, carried to where it is.
 """
 
+import math
+
 import numpy as np
 
 from camera_client.vectors import cross, dot, length, transport, unit
@@ -58,15 +60,16 @@ class WristBasis:
             Rotations, shape (2, 3, 3), in the frame of the directions.
         """
         carried = transport(self._y, self._x, f)
+        beside = cross(f, carried)
         seen = cross(f, u)
-        angle = np.arctan2(dot(cross(carried, seen), f), dot(carried, seen))
+        angle = np.arctan2(dot(beside, seen), dot(carried, seen))
         weight = flexion_weight(u, f) * confidence
         if self._begun:
-            angle = (weight * (1.0 - np.exp(-dt / _TAU)) * angle).clip(-RATE * dt, RATE * dt)
+            angle = (weight * (1.0 - math.exp(-dt / _TAU)) * angle).clip(-RATE * dt, RATE * dt)
         else:
             angle = weight * angle
             self._begun = True
-        y = np.cos(angle)[:, None] * carried + np.sin(angle)[:, None] * cross(f, carried)
+        y = np.cos(angle)[:, None] * carried + np.sin(angle)[:, None] * beside
         y = unit(y - f * dot(f, y)[:, None])
         self._x, self._y = f.copy(), y
-        return np.stack([f, y, cross(f, y)], axis=-1)
+        return np.array((f, y, cross(f, y))).transpose(1, 2, 0)

@@ -5,7 +5,7 @@ from skinned_person import Array
 
 from camera_client.calibration import TYPICAL
 from camera_client.frame import Intrinsics, RgbdFrame
-from camera_client.landmarks import COUNT, HIPS, SHOULDERS, TRACKED, Landmarks
+from camera_client.landmarks import COUNT, HIPS, SHOULDERS, TRACKED, WRISTS, Landmarks
 from camera_client.surface import OFFSETS, SHOULDER_DROP
 from camera_client.torso import R_FACING_CAMERA
 
@@ -24,6 +24,8 @@ LEFT = np.array([0.0, 1.0, 0.0])
 _SHOULDERS = np.array([[0.0, 0.175, 0.48], [0.0, -0.175, 0.48]])
 _HIPS = np.array([[0.0, 0.11, 0.0], [0.0, -0.11, 0.0]])
 _HALF = 7
+_HAND, _HALF_HAND = 0.115, 4
+"""How far a hand is beyond its wrist [m], and half of what is seen of it [pixel]."""
 
 
 def limbs(left: tuple[Array, Array], right: tuple[Array, Array]) -> Array:
@@ -51,12 +53,16 @@ def look(
     joints = body(directions) @ R_FACING_CAMERA + origin
     pixels = INTRINSICS.project(joints)
     pixels[SHOULDERS, 1] -= SHOULDER_DROP * INTRINSICS.fy / joints[SHOULDERS, 2]
+    hands = joints[WRISTS] + _HAND * directions[:, 1] @ R_FACING_CAMERA
+    patches = [(*at, z, _HALF) for at, z in zip(pixels, joints[:, 2] - OFFSETS, strict=True)]
+    before = hands[:, 2] - OFFSETS[WRISTS]
+    patches += [(*at, z, _HALF_HAND) for at, z in zip(INTRINSICS.project(hands), before, strict=True)]
     depth = np.full((HEIGHT, WIDTH), WALL, np.uint16)
     # The nearest surface is painted last.
-    for j in np.argsort(OFFSETS - joints[:, 2]):
-        column, row = np.rint(pixels[j]).astype(int)
-        area = slice(max(row - _HALF, 0), max(row + _HALF, 0)), slice(max(column - _HALF, 0), max(column + _HALF, 0))
-        depth[area] = round(1000.0 * (joints[j, 2] - OFFSETS[j]))
+    for x, y, z, half in sorted(patches, key=lambda patch: -patch[2]):
+        column, row = round(x), round(y)
+        area = slice(max(row - half, 0), max(row + half, 0)), slice(max(column - half, 0), max(column + half, 0))
+        depth[area] = round(1000.0 * z)
     landmarks = Landmarks(np.full((COUNT, 2), np.nan), np.zeros(COUNT))
     landmarks.pixels[TRACKED] = pixels
     landmarks.visibility[TRACKED] = 0.99

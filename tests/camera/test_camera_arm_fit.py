@@ -114,3 +114,13 @@ def test_what_is_not_known_does_not_count():
     found = fit_arms(unknown, ARMS + 0.01)
     assert np.isfinite(found).all()
     assert np.linalg.norm(found - ARMS, axis=-1).max() < 0.03
+
+
+def test_an_arm_of_unknown_depth_stays_where_it_was_expected():
+    nothing = {
+        name: np.full(shape, np.nan) for name, shape in (("measured", (2, 3)), ("trunk", (2, 3)), ("relative", (2, 2)))
+    }
+    found = fit_arms(replace(evidence(), **nothing), ARMS)
+    assert np.allclose(found, ARMS, atol=1e-6)
+    moved = 1.02 * ARMS
+    assert np.linalg.norm(fit_arms(replace(evidence(), **nothing), moved) - moved, axis=-1).max() < 0.1

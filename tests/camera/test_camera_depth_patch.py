@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from camera_client.depth_patch import GAP, RADIUS, patch_depths
 
-SIZE = (2 * RADIUS + 1) ** 2
+SIDE = 2 * RADIUS + 1
+SIZE = SIDE**2
 
 
 def plain(patch: np.ndarray, expected: float) -> tuple[float, float]:
@@ -49,6 +50,26 @@ def test_a_limb_before_a_wall_is_the_limb_and_not_the_mean():
     assert found.depth[0] == pytest.approx(2.5)
     assert found.share[0] == pytest.approx(1 / 3)
     assert patch_depths(depth, np.array([[9.0, 10.0]]), np.array([np.nan])).depth[0] == pytest.approx(4.0)
+
+
+def test_a_hand_before_its_forearm_is_the_nearest_part():
+    """A forearm that points at the camera runs from the hand to the elbow without a gap."""
+    rows = 2500 + 40 * np.maximum(np.arange(SIDE) - 2, 0)
+    seen = np.repeat(rows, SIDE).reshape(SIDE, SIDE).astype(np.uint16)
+    at, expected = np.array([[4.0, 4.0]]), np.array([2.5])
+    whole = patch_depths(seen, at, expected)
+    assert (whole.depth[0], whole.share[0]) == (pytest.approx(2.58), 1.0)
+    hand = patch_depths(seen, at, expected, np.array([0.25]))
+    assert (hand.depth[0], hand.share[0]) == (pytest.approx(2.5), 1.0)
+    assert hand.sigma[0] < 0.5 * whole.sigma[0]
+
+
+def test_all_of_a_cluster_is_what_counts_where_nothing_else_is_said():
+    depth = np.random.default_rng(0).normal(2500, 20, (100, 100)).astype(np.uint16)
+    pixels = np.random.default_rng(1).uniform(10, 90, (20, 2))
+    said, unsaid = (patch_depths(depth, pixels, np.full(20, 2.5), nearest) for nearest in (np.ones(20), None))
+    assert (said.depth == unsaid.depth).all()
+    assert (said.sigma == unsaid.sigma).all()
 
 
 def test_spread_is_a_standard_deviation():

@@ -92,16 +92,13 @@ def test_what_mediapipe_found_is_followed(scene):
 
 
 def assert_as_asked(score: Score):
-    """What is asked of arms in the pelvis frame, but for a still hand's jitter."""
+    """What is asked of arms in the pelvis frame."""
     assert score.wrist_mean <= 0.040
     assert score.wrist_p95 <= 0.100
     assert (score.jumps, score.spikes) == (0, 0)
     assert score.bad_limbs < 0.005
+    assert score.jitter <= 0.015
     assert score.lag <= 0.025
-
-
-ASKED_JITTER, MEASURED_JITTER = 0.015, 0.0175
-"""What is asked of a still hand [m]; and the worst of three bodies and two seeds, one of which misses it."""
 
 
 @pytest.mark.slow
@@ -121,10 +118,6 @@ def test_the_full_dance_with_a_real_pose_model(name: str, person_folder: Path):
         assert ours.turn_p95 <= 15.0
         assert ours.turned_over <= 0.005
         assert thesis.wrist_mean > 2.0 * ours.wrist_mean
-        assert ours.jitter <= MEASURED_JITTER
-    worst = max(one.ours.score(FULL).jitter for one in runs)
-    if worst > ASKED_JITTER:
-        pytest.xfail(f"a still hand trembles by {1000 * worst:.1f} mm where 15 were asked: forearm at the camera")
 
 
 @pytest.mark.slow
@@ -138,7 +131,6 @@ def test_the_full_dance(name: str, person_folder: Path):
         ours, thesis = one.ours.score(FULL), one.thesis.score(FULL)
         print(f"\n{name}, {1000 * np.median(one.seconds):.2f} ms a frame\nours   {ours}\nthesis {thesis}")
         assert_as_asked(ours)
-        assert ours.jitter <= ASKED_JITTER
         assert ours.turned_over < 0.25 * thesis.turned_over
         assert ours.wrist_p95 < 0.5 * thesis.wrist_p95
         assert ours.wrist_mean < 0.5 * thesis.wrist_mean

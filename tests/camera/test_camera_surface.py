@@ -5,7 +5,7 @@ import pytest
 from painted_person import INTRINSICS
 
 from camera_client.calibration import TYPICAL
-from camera_client.surface import HAND, OFFSETS, SHOULDER_DROP, arm_offsets, covered, shoulder_shift
+from camera_client.surface import SHOULDER_DROP, covered, hands_before, shoulder_shift
 
 
 def arm(fore: tuple[float, float, float]) -> np.ndarray:
@@ -16,9 +16,9 @@ def arm(fore: tuple[float, float, float]) -> np.ndarray:
 
 def test_a_forearm_at_the_camera_shows_its_hand():
     towards = tuple(-arm((1.0, 0.0, 0.0))[0, 1])
-    assert arm_offsets(arm(towards))[0, 2] == pytest.approx(OFFSETS[2] + HAND)
+    assert hands_before(arm(towards)).tolist() == pytest.approx([1.0, 1.0])
     for fore in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)):
-        assert (arm_offsets(arm(fore)) == OFFSETS[:6].reshape(2, 3)).all()
+        assert (hands_before(arm(fore)) == 0.0).all()
 
 
 def test_a_joint_behind_another_one_is_told_by_its_depth():
