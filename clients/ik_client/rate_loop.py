@@ -43,7 +43,18 @@ from ik_client.service_watch import ServiceWatch
 from ik_client.state_machine import ArmState, Event, Seen, StateMachine
 from ik_client.steady_waist import SteadyWaist
 from ik_client.teleop import ALIGNMENT
-from ik_client.tick import Hold, Tick, first_command, frozen, is_finite, is_silence, one_line, resting_goal, usable
+from ik_client.tick import (
+    Hold,
+    Tick,
+    first_command,
+    frozen,
+    is_finite,
+    is_same,
+    is_silence,
+    one_line,
+    resting_goal,
+    usable,
+)
 from ik_client.types import Command, RobotPort
 from ik_proto import Array, Reply, VelocityReply
 from ik_proto.wrist_motion import WristMotion
@@ -110,6 +121,7 @@ class RateLoop:
         self._torque = GravityTorque(ik) if feed_forward else None
         self._way = ClearWay(limiter, self._clearance) if self._law.collision in (None, "avoid") else None
         self._last: Command | None = None
+        self._rests = False
         self._tau: Array | None = None
         self._looked = -np.inf
         self._reason, self._absent = _PRESS, ""
@@ -118,6 +130,11 @@ class RateLoop:
     def state(self) -> ArmState:
         """State of both arms."""
         return self._machine.state
+
+    @property
+    def rests(self) -> bool:
+        """Whether the last tick changed nothing of the command, and no torque of where the arms stand is to come."""
+        return self._rests
 
     def stop(self, reason: str = "stopped") -> None:
         """Disarm. The state has changed when this returns; the next tick brakes and tells the robot.
@@ -161,6 +178,8 @@ class RateLoop:
             q = self._rest(tick, last)
         command = self._send(q, tick.time, self._motion(wish, reply) if moving else None)
         sent = self._clock()
+        unknown = self._torque is not None and not self._torque.is_of(command.q) and not self._service.trouble(sent)
+        self._rests = is_same(command, last) and not unknown
         idle = None if moving else self._look_at_service(tick, command)
         self._ask_torque(tick, command)
         at_home = self._home(len(q)).arrived(q)

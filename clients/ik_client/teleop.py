@@ -18,12 +18,14 @@ Each arm has its own gate, grip, states and clutch (`engagement`); both share th
   two apart, the other arm waits.
 - The measured waist without its swing (`steady_waist`), and the elbow directions and weights a tracker gives, go with
   every solve.
-- The feed-forward torque advances by the same fraction of its way as the joints of its arm, and is held with them.
+- The feed-forward torque advances by the same fraction of its way as the joints of its arm. That of an arm that holds
+  goes evenly to the torque of where it rests, asked for when the command of a tick is on its way (`resting_torque`).
 - Only a first tick that cannot read the robot raises: there is nothing to hold yet.
 
 This is not a safety function; the robot side keeps its own watchdog and limiter.
 """
 
+import contextlib
 import secrets
 import time
 from collections.abc import Callable
@@ -35,6 +37,7 @@ from ik_client.arm_joints import SIDES, aligned, joints_of, torque_on_the_way
 from ik_client.clear_way import ClearWay
 from ik_client.engagement import ArmEngagement, ArmStep
 from ik_client.joint_limiter import JointLimiter
+from ik_client.resting_torque import KNOWN_WITHIN, RestingTorque
 from ik_client.resting_wrists import RestingWrists
 from ik_client.robot_watch import RobotWatch
 from ik_client.service_watch import ServiceWatch
@@ -42,10 +45,12 @@ from ik_client.state_machine import ArmState
 from ik_client.steady_waist import SteadyWaist
 from ik_client.tick import (
     NO_HANDS,
+    NO_STEP,
     Hold,
     Tick,
     first_command,
     frozen,
+    is_same,
     is_silence,
     one_line,
     resting_goal,
@@ -115,6 +120,7 @@ class TeleopLoop:
         self._arms = arms or (ArmEngagement(), ArmEngagement())
         self._smoothing = smoothing
         self._feed_forward = feed_forward
+        self._torque = RestingTorque(ik) if feed_forward else None
         self._collision: Collision | None = collision
         self._agreement = agreement
         self._period = period
@@ -126,6 +132,7 @@ class TeleopLoop:
         checks = isinstance(limiter, JointLimiter) and collision in (None, "avoid")
         self._way = ClearWay(limiter, self._clearance) if checks else None
         self._last: Command | None = None
+        self._rests = False
         self._fault = ""
         self._clear = False
 
@@ -134,6 +141,11 @@ class TeleopLoop:
         """State of the left and of the right arm."""
         left, right = self._arms
         return left.state, right.state
+
+    @property
+    def rests(self) -> bool:
+        """Whether the last tick changed nothing of the command: the arms stand, and their torque has arrived."""
+        return self._rests
 
     def stop(self, reason: str = "stopped") -> None:
         """Disarm both arms. The states have changed when this returns; the next tick brakes and tells the robot.
@@ -188,7 +200,16 @@ class TeleopLoop:
         if q is None:
             tracking, q_wanted = False, q_wanted if not tracking else np.full(len(last.q), np.nan)
             q = self._limiter.limit(last.q, q_wanted, self._since(last, tick))
-        command = self._send(q, torque_on_the_way(last.q, q, q_wanted, last.tau, tau), tick.time)
+        held = [
+            side
+            for side, step in enumerate(steps)
+            if not tracking or step.target is None or _stands_short(joints_of(side, len(q)), last.q, q, q_wanted)
+        ]
+        rest = self._resting_point(q)
+        tau = torque_on_the_way(last.q, q, q_wanted, last.tau, tau)
+        command = self._send(q, self._held_torque(tick, held, rest, last, tau), tick.time)
+        self._rests = is_same(command, last)
+        self._ask_torque(tick, held, rest)
         return tick.report(steps, command, tracking, _reason_of(steps))
 
     def _look_at_hands(self, tick: Tick) -> None:
@@ -207,7 +228,7 @@ class TeleopLoop:
             return self._arms[side].step(
                 hand,
                 tick.time,
-                wrist=lambda: self._wrists.at(self._resting_point(last), tick.waist)[side],
+                wrist=lambda: self._wrists.at(self._resting_point(last.q), tick.waist)[side],
                 aligned=tick.measured is not None and aligned(last.q, tick.measured.q, side, ALIGNMENT),
                 trouble=trouble,
                 revoked=revoked,
@@ -246,7 +267,7 @@ class TeleopLoop:
             raise Hold("the robot cannot be read")
         targets, rest = [step.target for step in steps], last.q
         if any(target is None for target in targets):
-            rest = self._resting_point(last)
+            rest = self._resting_point(last.q)
             held = self._wrists.at(rest, tick.waist)
             targets = [held[side] if target is None else target for side, target in enumerate(targets)]
         reply = tick.reply = self._solve(tick, targets, measured, last)
@@ -316,9 +337,27 @@ class TeleopLoop:
         if not self._service.answered(boot_id, engaged=self._under_way):
             raise Hold("another run of the service answers now")
 
-    def _resting_point(self, last: Command) -> Array:
+    def _resting_point(self, q: Array) -> Array:
+        """Where the joints come to rest if they brake from a command on, shape (n,) [rad]."""
         rest = self._limiter.resting_point
-        return rest if rest.shape == last.q.shape and np.isfinite(rest).all() else last.q
+        return rest if rest.shape == q.shape and np.isfinite(rest).all() else q
+
+    def _held_torque(self, tick: Tick, held: list[int], rest: Array, last: Command, tau: Array) -> Array:
+        """A tick's torque, with that of arms that hold on its way to the torque of where they rest, if it is known."""
+        for arm in (joints_of(side, len(rest)) for side in held):
+            if self._torque is not None and self._torque.knows(rest, tick.waist, arm):
+                tau[arm] = self._torque.towards(last.tau, self._since(last, tick), arm)
+        return tau
+
+    def _ask_torque(self, tick: Tick, held: list[int], rest: Array) -> None:
+        """Ask for the torque of where arms that hold will rest, where it is not known and the service answers."""
+        if self._torque is None or not self._service.answers or not self._torque.due(tick.time):
+            return
+        if all(self._torque.knows(rest, tick.waist, joints_of(side, len(rest))) for side in held):
+            return
+        # Why the arms hold is told already, and the torque stays as it was.
+        with contextlib.suppress(Exception):
+            self._same_run(self._torque.ask(rest, tick.waist, tick.time))
 
     def _since(self, last: Command, tick: Tick) -> float:
         """Time since the last command, as the robot counts it [s]."""
@@ -354,6 +393,12 @@ class TeleopLoop:
         self._last = command
         self._port.send(command)
         return command
+
+
+def _stands_short(arm: slice, q_last: Array, q: Array, q_wanted: Array) -> bool:
+    """Whether an arm stands without being where it is wanted: the way is not clear."""
+    way, step = (float(np.abs(to[arm] - q_last[arm]).max()) for to in (q_wanted, q))
+    return way > KNOWN_WITHIN and step <= NO_STEP
 
 
 def _reason_of(steps: tuple[ArmStep, ArmStep]) -> str:
