@@ -7,9 +7,12 @@ of where it will rest, once the tick's command is on its way, and the torque goe
 What is not known changes nothing: without an answer, the torque stays as it was.
 """
 
+import contextlib
+
 import numpy as np
 
 from ik_client.gravity_torque import EVERY, GravityTorque
+from ik_client.partners import Partners
 from ik_client.types import Kinematics
 from ik_proto import Array
 
@@ -30,75 +33,68 @@ _LONGEST_GAP = 0.05
 class RestingTorque:
     """Knows the torque of the posture that was asked about last."""
 
-    def __init__(self, ik: Kinematics) -> None:
+    def __init__(self, ik: Kinematics, partners: Partners) -> None:
         """Start without an answer.
 
         Args:
             ik: The service.
+            partners: Knows how it does.
         """
         self._service = GravityTorque(ik, every=0.0)
-        self._due = -np.inf
-        self._asked = -np.inf
+        self._partners = partners
+        self._asked, self._due = -np.inf, -np.inf
         self._q = np.full(0, np.nan)
         self._waist: Array | None = None
         self._tau = np.full(0, np.nan)
 
-    def knows(self, q: Array, waist: Array | None, arm: slice) -> bool:
-        """Whether the torque of an arm is known.
+    def with_held(
+        self, held: list[slice], rest: Array, waist: Array | None, tau: Array, tau_last: Array, dt: float
+    ) -> Array:
+        """A tick's torque, that of arms that hold on its way to the torque of where they rest, if that is known.
 
         Args:
-            q: Where the joints come to rest, shape (n,) [rad].
+            held: Joints of the arms that hold.
+            rest: Where the joints come to rest, shape (n,) [rad].
             waist: Where the waist stands, shape (w,) [rad]; None where it stays straight.
-            arm: Its joints.
-        """
-        if len(self._q) != len(q) or (waist is None) is not (self._waist is None):
-            return False
-        near = _near(q[arm], self._q[arm])
-        return near and (waist is None or self._waist is None or _near(waist, self._waist))
-
-    def towards(self, tau: Array, dt: float, arm: slice) -> Array:
-        """The torque of an arm a tick later, on its way to what is known.
-
-        Args:
-            tau: Torque of the last command, shape (n,) [N m].
+            tau: What it is otherwise, shape (n,) [N m].
+            tau_last: Torque of the last command, shape (n,) [N m].
             dt: Time since then [s].
-            arm: Its joints.
 
         Returns:
-            The arm's torque, shape (k,) [N m].
+            The torque, shape (n,) [N m].
         """
-        most = RATE * min(max(dt, 0.0), _LONGEST_GAP)
-        return tau[arm] + np.clip(self._tau[arm] - tau[arm], -most, most)
+        tau, most = tau.copy(), RATE * min(max(dt, 0.0), _LONGEST_GAP)
+        for arm in held:
+            if self._knows(arm, rest, waist):
+                tau[arm] = tau_last[arm] + np.clip(self._tau[arm] - tau_last[arm], -most, most)
+        return tau
 
-    def due(self, now: float) -> bool:
-        """Whether it is time to ask.
+    def look(self, held: list[slice], rest: Array, waist: Array | None, now: float) -> None:
+        """Ask for the torque of arms that hold, where it is not known, it is time to, and the service answers.
 
         Args:
-            now: Time [s], monotonic.
+            held: Joints of the arms that hold.
+            rest: Where the joints come to rest, shape (n,) [rad].
+            waist: Where the waist stands, shape (w,) [rad]; None where it stays straight.
+            now: Time of the tick [s].
         """
         # Written so that a clock that stepped back counts as long ago.
-        return not self._asked <= now < self._due
-
-    def ask(self, q: Array, waist: Array | None, now: float) -> str:
-        """Ask.
-
-        Args:
-            q: Where the joints come to rest, shape (n,) [rad].
-            waist: Where the waist stands, shape (w,) [rad]; None where it stays straight.
-            now: Time [s], monotonic.
-
-        Returns:
-            The run of the service that answered.
-
-        Raises:
-            Hold: The answer is of no use.
-            IKError: There is none.
-        """
+        waits = self._asked <= now < self._due
+        if waits or not self._partners.service.answers or all(self._knows(arm, rest, waist) for arm in held):
+            return
         self._asked, self._due = now, now + ASK_AGAIN
-        tau, boot_id = self._service.ask(q, waist, now)
-        self._due = now + EVERY
-        self._q, self._waist, self._tau = q.copy(), None if waist is None else waist.copy(), np.array(tau)
-        return boot_id
+        # Why the arms hold is told already, and without an answer the torque stays as it was.
+        with contextlib.suppress(Exception):
+            tau, boot_id = self._service.ask(rest, waist, now)
+            self._partners.same_run(boot_id)
+            self._due = now + EVERY
+            self._q, self._waist, self._tau = rest.copy(), None if waist is None else waist.copy(), np.array(tau)
+
+    def _knows(self, arm: slice, rest: Array, waist: Array | None) -> bool:
+        if len(self._q) != len(rest) or (waist is None) is not (self._waist is None):
+            return False
+        same_waist = waist is None or self._waist is None or _near(waist, self._waist)
+        return same_waist and _near(rest[arm], self._q[arm])
 
 
 def _near(one: Array, other: Array) -> bool:
