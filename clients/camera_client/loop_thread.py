@@ -20,7 +20,7 @@ class LoopThread:
     def __init__(
         self,
         tick: Callable[[], list[str]],
-        stop: Callable[[], None],
+        end: Callable[[Callable[[], None]], None],
         pacer: Pacer,
         paced: Callable[[Pacer], None],
         finished: Callable[[], bool],
@@ -29,13 +29,13 @@ class LoopThread:
 
         Args:
             tick: Does a tick, and gives what has changed, a line each.
-            stop: Disarms; called before the last tick.
+            end: Disarms, and does the last ticks with what it is given.
             pacer: Keeps the schedule.
             paced: Called before each tick.
             finished: Whether no frames will come any more.
         """
         self.lines: collections.deque[str] = collections.deque()
-        self._tick, self._stop, self._pacer, self._paced, self._finished = tick, stop, pacer, paced, finished
+        self._tick, self._end_with, self._pacer, self._paced, self._finished = tick, end, pacer, paced, finished
         self._end = threading.Event()
         self._error: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="ik-camera loop", daemon=True)
@@ -50,7 +50,7 @@ class LoopThread:
         return self._thread.is_alive()
 
     def close(self) -> None:
-        """Disarm, tick once more, end.
+        """Disarm, bring the arms to rest, end.
 
         Raises:
             Exception: What ended it before.
@@ -68,9 +68,11 @@ class LoopThread:
             while rest and not self._end.is_set():
                 self._pacer.wait()
                 self._paced(self._pacer)
-                self.lines.extend(self._tick())
+                self._tell()
                 rest -= self._finished()
-            self._stop()
-            self.lines.extend(self._tick())
+            self._end_with(self._tell)
         except BaseException as error:  # told by `close`, in the main thread
             self._error = error
+
+    def _tell(self) -> None:
+        self.lines.extend(self._tick())

@@ -35,6 +35,7 @@ from ik_client.absolute_clutch import ABSOLUTE_FALL
 from ik_client.arm_joints import SIDES
 from ik_client.authority import Authority
 from ik_client.client import IKClient
+from ik_client.ending import come_to_rest
 from ik_client.engagement import ArmEngagement
 from ik_client.gate import GateLimits, PoseGate
 from ik_client.joint_limiter import MotionLimits
@@ -144,9 +145,12 @@ def run(
             changed, seen = report.observe(done), tracker.trouble(done.time)
             return [*changed, f"camera: {seen}"] if changed and seen else changed
 
-        ticking = LoopThread(
-            tick, lambda: loop.stop("ik-camera ends"), Pacer(period), report.paced, lambda: perception.finished
-        )
+        pacer = Pacer(period)
+
+        def end(tick: Callable[[], None]) -> None:
+            come_to_rest(loop, "ik-camera ends", tick, pacer)
+
+        ticking = LoopThread(tick, end, pacer, report.paced, lambda: perception.finished)
         stack.callback(perception.close)
         stack.callback(ticking.close)
         sys.setswitchinterval(_SWITCH_INTERVAL)

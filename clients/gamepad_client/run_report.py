@@ -1,17 +1,13 @@
 """What a run of `ik-gamepad` did: told while it goes on, summed up at the end, written for programs."""
 
-import json
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ik_client.latency import Latency
-from ik_client.pacer import Pacer
 from ik_client.rate_types import RateReport
+from ik_client.run_record import RunRecord
 from ik_client.stage_latencies import StageLatencies
 from ik_client.state_machine import ArmState
 from ik_proto import Array
@@ -22,18 +18,12 @@ _BRAKING_S = 0.5
 """Time to come to rest from any motion, and to spare [s]."""
 
 
-class RunReport:
+class RunReport(RunRecord):
     """Takes in every tick.
 
     Attributes:
-        stages: Latencies of the way.
-        lateness: How long after they were due ticks began.
-        ticks: Ticks of the loop.
         moving: Ticks in which the arms followed.
-        engagements: How often the arms were engaged.
         failures: Ticks in which they were engaged, and an answer did not come or could not be used.
-        late: Ticks that began more than a period late.
-        step_at_rest: Largest step in a tick of the commands to arms that had not followed for half a second [rad].
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -42,19 +32,12 @@ class RunReport:
         Args:
             clock: Monotonic time, the loop's [s].
         """
-        self.stages = StageLatencies(STAGES, clock)
-        self.lateness = Latency(clock)
-        self.ticks = self.moving = self.engagements = self.failures = self.late = 0
-        self.step_at_rest = 0.0
+        super().__init__(StageLatencies(STAGES, clock), clock)
+        self.moving = self.failures = 0
         self._state = ArmState.DISARMED
         self._reason = ""
         self._moved = -np.inf
         self._last: Array | None = None
-
-    def paced(self, pacer: Pacer) -> None:
-        """Take how late the tick begins that is about to."""
-        self.lateness.add(1e3 * pacer.behind)
-        self.late = pacer.late
 
     def observe(self, report: RateReport) -> list[str]:
         """Take a tick; give what has changed, a line each."""
@@ -83,26 +66,8 @@ class RunReport:
 
     def lines(self) -> Iterator[str]:
         """The summary for a person."""
-        yield (
-            f"{self.ticks} ticks, {self.late} of them late; {self.engagements} engagements, "
-            f"the arms followed in {self.moving / max(self.ticks, 1):.0%} of the time"
-        )
-        yield from self.stages.table()
+        yield from self.summary("the arms", self.moving)
 
     def document(self) -> dict[str, Any]:
         """All of it, JSON-ready; latencies in milliseconds."""
-        lateness = self.lateness.summary()
-        return {
-            "ticks": self.ticks,
-            "late": self.late,
-            "lateness_ms": asdict(lateness) if lateness else None,
-            "moving": self.moving,
-            "engagements": self.engagements,
-            "failures": self.failures,
-            "step_at_rest": self.step_at_rest,
-            "stages_ms": self.stages.document(),
-        }
-
-    def write(self, path: Path) -> None:
-        """Write the document as JSON."""
-        path.write_text(json.dumps(self.document(), indent=2) + "\n", encoding="utf-8")
+        return super().document() | {"moving": self.moving, "failures": self.failures}

@@ -19,6 +19,7 @@ from gamepad_client.status import status_of
 from ik_client.clear_way import KEPT
 from ik_client.client import IKClient
 from ik_client.devices import DeviceError, Devices
+from ik_client.ending import come_to_rest
 from ik_client.homing import Homing
 from ik_client.joint_limiter import JointLimiter, MotionLimits
 from ik_client.pacer import Pacer
@@ -126,8 +127,7 @@ def _loop(
         pacer.wait()
         report.paced(pacer)
         tick()
-    loop.stop("ik-gamepad ends")
-    tick()
+    come_to_rest(loop, "ik-gamepad ends", tick, pacer)
 
 
 def _devices(settings: Settings) -> Devices:

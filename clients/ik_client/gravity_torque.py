@@ -37,6 +37,7 @@ class GravityTorque:
         self._ik = ik
         self._every = every
         self._asked = -np.inf
+        self._q = np.full(0, np.nan)
 
     def due(self, now: float) -> bool:
         """Whether it is time to ask.
@@ -46,6 +47,14 @@ class GravityTorque:
         """
         # Written so that a clock that stepped back counts as long ago.
         return not 0.0 <= now - self._asked < self._every
+
+    def is_of(self, q: Array) -> bool:
+        """Whether the last answer is the torque of this very posture.
+
+        Args:
+            q: Joints as commanded, shape (n,) [rad].
+        """
+        return np.array_equal(q, self._q)
 
     def ask(self, q: Array, waist: Array | None, now: float) -> tuple[Array, str]:
         """Ask.
@@ -70,4 +79,6 @@ class GravityTorque:
             raise Hold(f"{reply.status}: {reply.error}")
         if np.abs(usable(reply.sol_q, len(q), "the answer") - q).max() > SAME:
             raise Hold("the gravity torque is known for another posture only")
-        return usable(reply.tau, len(q), "the answer's torque"), reply.boot_id
+        tau = usable(reply.tau, len(q), "the answer's torque")
+        self._q = q.copy()
+        return tau, reply.boot_id

@@ -1,16 +1,12 @@
-"""What a run of a client did: told while it goes on, summed up at the end, written for programs."""
+"""What a run of a client with a teleop loop did: told while it goes on, summed up at the end, written for programs."""
 
-import json
 from collections.abc import Iterator
-from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ik_client.arm_joints import SIDES, joints_of
-from ik_client.latency import Latency
-from ik_client.pacer import Pacer
+from ik_client.run_record import RunRecord
 from ik_client.stage_latencies import StageLatencies
 from ik_client.state_machine import ArmState
 from ik_client.tick_report import TickReport
@@ -20,17 +16,11 @@ _BRAKING_TICKS = 25
 """Time to come to rest from any motion, and to spare [ticks]."""
 
 
-class LoopReport:
+class LoopReport(RunRecord):
     """Takes in every tick.
 
     Attributes:
-        stages: Latencies of the way.
-        lateness: How long after they were due ticks began.
-        ticks: Ticks of the loop.
         active: Ticks in which an arm followed a hand.
-        engagements: How often an arm began to follow.
-        late: Ticks that began more than a period late.
-        step_at_rest: Largest step in a tick of the commands to an arm that had not followed for half a second [rad].
     """
 
     def __init__(self, stages: StageLatencies) -> None:
@@ -39,21 +29,11 @@ class LoopReport:
         Args:
             stages: Latencies; filled by others.
         """
-        self.stages = stages
-        self.lateness = Latency()
-        self.ticks = 0
+        super().__init__(stages)
         self.active = 0
-        self.engagements = 0
-        self.late = 0
-        self.step_at_rest = 0.0
         self._resting = [0, 0]
         self._command: Array | None = None
         self._states = (ArmState.DISARMED, ArmState.DISARMED)
-
-    def paced(self, pacer: Pacer) -> None:
-        """Take how late the tick begins that is about to."""
-        self.lateness.add(1e3 * pacer.behind)
-        self.late = pacer.late
 
     def observe(self, report: TickReport) -> list[str]:
         """Take a tick; give what has changed, a line each."""
@@ -81,25 +61,8 @@ class LoopReport:
 
     def lines(self) -> Iterator[str]:
         """The summary for a person."""
-        yield (
-            f"{self.ticks} ticks, {self.late} of them late; {self.engagements} engagements, "
-            f"an arm followed in {self.active / max(self.ticks, 1):.0%} of the time"
-        )
-        yield from self.stages.table()
+        yield from self.summary("an arm", self.active)
 
     def document(self) -> dict[str, Any]:
         """All of it, JSON-ready; latencies in milliseconds."""
-        lateness = self.lateness.summary()
-        return {
-            "ticks": self.ticks,
-            "late": self.late,
-            "lateness_ms": asdict(lateness) if lateness else None,
-            "active": self.active,
-            "engagements": self.engagements,
-            "step_at_rest": self.step_at_rest,
-            "stages_ms": self.stages.document(),
-        }
-
-    def write(self, path: Path) -> None:
-        """Write the document as JSON."""
-        path.write_text(json.dumps(self.document(), indent=2) + "\n", encoding="utf-8")
+        return super().document() | {"active": self.active}

@@ -14,6 +14,7 @@ class Pacer:
     """Says when the next tick is due.
 
     Attributes:
+        period: Time between two ticks [s].
         late: Ticks that began later than one period after they were due.
         moved: How often the schedule was moved.
         behind: How long after it was due the latest tick began [s].
@@ -35,7 +36,7 @@ class Pacer:
         self.late = 0
         self.moved = 0
         self.behind = 0.0
-        self._period = period
+        self.period = period
         self._clock = clock
         self._sleep = sleep
         self._due: float | None = None
@@ -57,11 +58,11 @@ class Pacer:
     def wait(self) -> None:
         """Wait until the next tick is due."""
         now = self._clock()
-        due = now if self._due is None else self._due + self._period
+        due = now if self._due is None else self._due + self.period
         self._due = due
         if now < due:
             self._sleep(due - now)
         elif now - due > MAX_BACKLOG:
             self._due, self.moved = now, self.moved + 1
         self.behind = max(self._clock() - due, 0.0)
-        self.late += self.behind > self._period
+        self.late += self.behind > self.period

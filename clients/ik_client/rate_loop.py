@@ -24,10 +24,8 @@
 This is not a safety function; the robot side keeps its own watchdog and limiter.
 """
 
-import secrets
 import time
 from collections.abc import Callable
-from typing import TypeVar
 
 import numpy as np
 
@@ -37,18 +35,13 @@ from ik_client.gravity_torque import GravityTorque
 from ik_client.hold_to_run import HoldToRun
 from ik_client.homing import Homing
 from ik_client.joint_limiter import JointLimiter
-from ik_client.rate_types import MAX_AGE, RateKinematics, RateLaw, RateReport, Wish, WishSource
-from ik_client.robot_watch import RobotWatch
-from ik_client.service_watch import ServiceWatch
+from ik_client.joint_rates import JointRates
+from ik_client.partners import ALIGNMENT, UNDER_WAY, Partners
+from ik_client.rate_types import MAX_AGE, RateKinematics, RateLaw, RateReport, Wish, WishSource, shown_motion
 from ik_client.state_machine import ArmState, Event, Seen, StateMachine
-from ik_client.steady_waist import SteadyWaist
-from ik_client.teleop import ALIGNMENT
-from ik_client.tick import Hold, Tick, first_command, frozen, is_finite, is_silence, one_line, resting_goal, usable
+from ik_client.tick import Hold, Tick, resting_goal
 from ik_client.types import Command, RobotPort
-from ik_proto import Array, Reply, VelocityReply
-from ik_proto.wrist_motion import WristMotion
-
-R = TypeVar("R", bound=Reply)
+from ik_proto import Array, VelocityReply
 
 IDLE_EVERY = 0.1
 """Time between two looks at the service while no arm moves [s]."""
@@ -57,17 +50,10 @@ STANDS = 1e-3
 """Speed of a joint that counts as standing still [rad/s]."""
 
 _PRESS = "not engaged: press the hold-to-run switch"
-_UNDER_WAY = frozenset({ArmState.ACTIVE, ArmState.HOLD})
-_TOO_FAST = 1.01
-"""An answer faster than was allowed by more than this factor is none."""
 
 
 class RateLoop:
-    """Moves a robot's wrists as an operator's sticks say. One tick per call, paced by the caller.
-
-    Attributes:
-        session: Random name of this run, part of every command.
-    """
+    """Moves a robot's wrists as an operator's sticks say. One tick per call, paced by the caller."""
 
     def __init__(
         self,
@@ -95,29 +81,40 @@ class RateLoop:
             machine: The states.
             clock: Monotonic time [s].
         """
-        self.session = secrets.token_hex(6)
-        self._ik = ik
         self._source = source
-        self._port = port
         self._limiter = limiter
-        self._law = law or RateLaw()
-        self._options = {name: value for name, value in _fields(self._law).items() if value is not None}
         self._homing = homing
         self._machine = machine or StateMachine()
         self._clock = clock
         self._switch = HoldToRun()
-        self._service, self._robot, self._waist = ServiceWatch(), RobotWatch(), SteadyWaist()
+        partners = self._partners = Partners(ik, port, lambda: self.state in UNDER_WAY, clock)
+        law = law or RateLaw()
+        self._rates = JointRates(ik, partners, law, limiter)
         self._torque = GravityTorque(ik) if feed_forward else None
-        self._way = ClearWay(limiter, self._clearance) if self._law.collision in (None, "avoid") else None
-        self._last: Command | None = None
+        self._way = ClearWay(limiter, partners.clearance) if law.collision in (None, "avoid") else None
         self._tau: Array | None = None
         self._looked = -np.inf
         self._reason, self._absent = _PRESS, ""
 
     @property
+    def session(self) -> str:
+        """Random name of this run, part of every command."""
+        return self._partners.session
+
+    @property
     def state(self) -> ArmState:
         """State of both arms."""
         return self._machine.state
+
+    @property
+    def rests(self) -> bool:
+        """Whether the last tick changed nothing of the command, and no torque of where the arms stand is to come."""
+        last = self._partners.last
+        if last is None or not self._partners.same:
+            return False
+        if self._torque is None or self._partners.service.trouble(self._clock()):
+            return True
+        return self._torque.is_of(last.q) and self._tau is not None and np.array_equal(last.tau, self._tau)
 
     def stop(self, reason: str = "stopped") -> None:
         """Disarm. The state has changed when this returns; the next tick brakes and tells the robot.
@@ -130,8 +127,7 @@ class RateLoop:
     def release(self) -> None:
         """Disarm, and tell the robot to take its arms back: the last thing a loop does, and only on purpose."""
         self.stop("released")
-        if self._last is not None:
-            self._send(self._last.q, self._clock(), release=True)
+        self._partners.release()
 
     def tick(self) -> RateReport:
         """Read, look at the operator, ask, limit, send.
@@ -142,24 +138,19 @@ class RateLoop:
         Raises:
             Exception: The robot could not be read in the very first tick, or could not be sent a command in this one.
         """
-        tick = Tick(self._clock())
-        if self._last is None:
-            tick.measured = self._port.read()
-            self._last = first_command(tick.measured, tick.time)
-        last = self._last
-        robot_fault = tick.read(self._port, self._waist, len(last.q))
-        self._robot.look(tick.measured, robot_fault, last.engaged, tick.time)
+        tick, last = self._partners.begin()
         wish = self._look_at_operator(tick)
         self._judge(tick, wish, last)
         reply, q = None, None
-        homing = wish is not None and wish.home
         if self.state is ArmState.ACTIVE and wish is not None:
             reply, q = self._follow(tick, wish, last)
         moving = q is not None
-        homing = homing and moving
+        homing = moving and wish is not None and wish.home
         if q is None:
             q = self._rest(tick, last)
-        command = self._send(q, tick.time, self._motion(wish, reply) if moving else None)
+        wrists = self._torque.wrists if self._torque else None
+        motion = shown_motion(wish, reply, wrists) if moving else None
+        command = self._partners.send(q, last.tau if self._tau is None else self._tau, tick.time, motion=motion)
         sent = self._clock()
         idle = None if moving else self._look_at_service(tick, command)
         self._ask_torque(tick, command)
@@ -197,9 +188,9 @@ class RateLoop:
 
     def _judge(self, tick: Tick, wish: Wish | None, last: Command) -> None:
         """Take the state a tick further."""
-        trouble = self._robot.trouble() or self._service.trouble(tick.time)
+        trouble = self._partners.trouble(tick.time)
         stop = "stopped by the operator" if wish and wish.stop else ""
-        revoked = self._absent or stop or self._robot.revoked(tick.time) or self._service.revoked()
+        revoked = self._absent or stop or self._partners.revoked(tick.time)
         grip = self._switch.update(wish.held if wish else None, not trouble and not revoked)
         measured = tick.measured
         agrees = measured is not None and all(aligned(last.q, measured.q, side, ALIGNMENT) for side in (0, 1))
@@ -226,56 +217,14 @@ class RateLoop:
             if tick.measured is None:
                 raise Hold("the robot cannot be read")
             if wish.home:
-                velocity = self._ramped(self._home(len(last.q)).velocity(last.q))
+                velocity = self._rates.ramped(self._home(len(last.q)).velocity(last.q))
             else:
-                reply = self._ask(tick, wish.twists, wish, last)
-                velocity = self._usable(reply, len(last.q), tick.time)
+                reply = self._rates.asked(tick, last, wish.twists, wish.frame)
+                velocity = self._rates.answered(reply, len(last.q), tick.time)
             return reply, self._move(tick, velocity, last)
         except Exception as error:  # whatever goes wrong in a client, the robot must be told to hold in this very tick
             tick.note(error)
             return reply, None
-
-    def _ask(self, tick: Tick, twists: Array, wish: Wish | None, last: Command) -> VelocityReply:
-        begin = self._clock()
-        try:
-            return self._heard(
-                lambda: self._ik.velocity(
-                    twists[0],
-                    twists[1],
-                    last.q,
-                    self._limiter.velocity,
-                    frame=wish.frame if wish else "pelvis",
-                    period=self._limiter.period,
-                    waist=tick.waist,
-                    **self._options,
-                )
-            )
-        finally:
-            tick.round_trip = self._clock() - begin
-
-    def _usable(self, reply: VelocityReply, n: int, now: float) -> Array:
-        """The velocities of an answer; raises where they cannot be followed."""
-        try:
-            if not reply.success:
-                raise Hold(f"{reply.status}: {reply.error}")
-            dq = usable(reply.dq, n, "the answer")
-            if np.abs(dq).max() > _TOO_FAST * max(self._law.max_speed, float(np.abs(self._limiter.velocity).max())):
-                raise Hold("the answer is faster than was allowed")
-        except Hold as hold:
-            self._service.failed(str(hold), now)
-            raise
-        self._service.succeeded()
-        return dq
-
-    def _ramped(self, wanted: Array) -> Array:
-        """A velocity towards the wanted one, no faster than the largest acceleration, all joints by the same share.
-
-        The service does so with its answers; where each joint was left to the limiter, the way would be bent.
-        """
-        velocity = self._limiter.velocity
-        change = wanted - velocity
-        most = self._law.max_acceleration * self._limiter.period
-        return velocity + change * min(1.0, most / max(float(np.abs(change).max()), 1e-12))
 
     def _move(self, tick: Tick, velocity: Array, last: Command) -> Array:
         if self._way is None:
@@ -289,19 +238,14 @@ class RateLoop:
             return self._limiter.limit(last.q, goal)
         return self._limiter.move(last.q, np.zeros(len(last.q)))
 
-    def _clearance(self, q: Array, waist: Array | None) -> Array:
-        """Smallest distance between two parts of the body at each row of joints [m]."""
-        reply = self._heard(lambda: self._ik.clearance(q, waist))
-        return np.full(len(q), np.inf) if reply.clearance is None else reply.clearance
-
     def _look_at_service(self, tick: Tick, last: Command) -> VelocityReply | None:
         """Ask something small of the service while no arm moves: is it there, is it the same, how are the arms?"""
         if 0.0 <= tick.time - self._looked < IDLE_EVERY:
             return None
         self._looked = tick.time
         try:
-            reply = self._ask(tick, np.zeros((2, 6)), None, last)
-            self._service.heard(engaged=self._under_way)
+            reply = self._rates.asked(tick, last, np.zeros((2, 6)))
+            self._partners.heard()
         except Exception as error:
             tick.note(error)
             return None
@@ -309,75 +253,16 @@ class RateLoop:
 
     def _ask_torque(self, tick: Tick, command: Command) -> None:
         """Ask for the gravity torque of the next commands, where it is time."""
-        if self._torque is None or not self._torque.due(tick.time) or self._service.trouble(tick.time):
+        if self._torque is None or not self._torque.due(tick.time) or self._partners.service.trouble(tick.time):
             return
         try:
             tau, boot_id = self._torque.ask(command.q, tick.waist, tick.time)
-            self._same_run(boot_id)
-            self._tau = frozen(np.array(tau))
+            self._partners.same_run(boot_id)
+            self._tau = tau
         except Exception as error:  # the torque stays as it was
             tick.note(error)
-
-    def _heard(self, ask: Callable[[], R]) -> R:
-        """Ask the service something, and take note of how that went."""
-        try:
-            reply = ask()
-        except Exception as error:
-            self._service.failed(one_line(error), self._clock(), silent=is_silence(error))
-            raise
-        self._same_run(reply.boot_id)
-        return reply
-
-    def _same_run(self, boot_id: str) -> None:
-        """Refuse an answer of another run of the service than the one the arms have followed so far."""
-        if not self._service.answered(boot_id, engaged=self._under_way):
-            raise Hold("another run of the service answers now")
-
-    @property
-    def _under_way(self) -> bool:
-        """Whether the arms follow, or may go on without another press."""
-        return self.state in _UNDER_WAY
 
     def _home(self, n: int) -> Homing:
         if self._homing is None:
             self._homing = Homing(np.zeros(n))
         return self._homing
-
-    def _motion(self, wish: Wish | None, reply: VelocityReply | None) -> WristMotion | None:
-        """What to show of a tick, in the pelvis frame; None where that is not known."""
-        if wish is None or reply is None or not all(is_finite(row, 6) for row in reply.twists):
-            return None
-        asked, achieved = wish.twists, reply.twists
-        if wish.frame == "hand":
-            if self._torque is None or self._torque.wrists is None:
-                return None
-            asked, achieved = (_turned(self._torque.wrists, twists) for twists in (asked, achieved))
-        return WristMotion(asked, achieved, reply.manipulability, reply.limited_by, reply.limiting_joint)
-
-    def _send(self, q: Array, now: float, motion: WristMotion | None = None, release: bool = False) -> Command:
-        last = self._last
-        tau = self._tau if self._tau is not None else last.tau if last else np.zeros(len(q))
-        command = Command(
-            frozen(np.array(q)),
-            tau,
-            now,
-            session=self.session,
-            seq=last.seq + 1 if last else 1,
-            boot_id=self._service.boot_id,
-            engaged=self._under_way,
-            release=release,
-            motion=motion,
-        )
-        self._last = command
-        self._port.send(command)
-        return command
-
-
-def _fields(law: RateLaw) -> dict:
-    return {name: getattr(law, name) for name in RateLaw.__slots__}
-
-
-def _turned(wrists: tuple[Array, Array], twists: Array) -> Array:
-    """Twists along the hands' axes, in the pelvis frame, shape (2, 6)."""
-    rows = [np.concatenate([T[:3, :3] @ row[:3], T[:3, :3] @ row[3:]]) for T, row in zip(wrists, twists, strict=True)]
-    return np.array(rows)

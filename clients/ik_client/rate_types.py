@@ -1,12 +1,16 @@
 """What passes through the rate loop: an operator's wish in, the law to follow it by, and what a tick did."""
 
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, fields
+from typing import Any, Protocol
+
+import numpy as np
 
 from ik_client.state_machine import ArmState
+from ik_client.tick import is_finite
 from ik_client.types import Command, Kinematics, RobotState
 from ik_proto import Array, Collision, Frame, Law, VelocityReply
 from ik_proto.limits import DEFAULT_ACCELERATION, DEFAULT_DAMPING, DEFAULT_POSTURE_GAIN, DEFAULT_SPEED
+from ik_proto.wrist_motion import WristMotion
 
 MAX_AGE = 0.1
 """Age at which a wish is no longer the operator's [s]."""
@@ -91,6 +95,12 @@ class RateLaw:
     right_bounds: Array | None = None
     collision: Collision | None = None
 
+    @property
+    def options(self) -> dict[str, Any]:
+        """Keywords for `IKClient.velocity`."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if value is not None}
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RateReport:
@@ -127,3 +137,32 @@ class RateReport:
     reply: VelocityReply | None = None
     round_trip: float | None = None
     fault: Exception | None = None
+
+
+def shown_motion(
+    wish: Wish | None, reply: VelocityReply | None, wrists: tuple[Array, Array] | None
+) -> WristMotion | None:
+    """What to show of a tick, in the pelvis frame.
+
+    Args:
+        wish: What the operator wanted.
+        reply: The service's answer.
+        wrists: `T_pelvis_wrist`, left and right; None where that is not known.
+
+    Returns:
+        The motion; None where it is not known.
+    """
+    if wish is None or reply is None or not all(is_finite(row, 6) for row in reply.twists):
+        return None
+    asked, achieved = wish.twists, reply.twists
+    if wish.frame == "hand":
+        if wrists is None:
+            return None
+        asked, achieved = (_turned(wrists, twists) for twists in (asked, achieved))
+    return WristMotion(asked, achieved, reply.manipulability, reply.limited_by, reply.limiting_joint)
+
+
+def _turned(wrists: tuple[Array, Array], twists: Array) -> Array:
+    """Twists along the hands' axes, in the pelvis frame, shape (2, 6)."""
+    rows = [np.concatenate([T[:3, :3] @ row[:3], T[:3, :3] @ row[3:]]) for T, row in zip(wrists, twists, strict=True)]
+    return np.array(rows)

@@ -34,6 +34,11 @@ class ServiceWatch:
         self._silent = True
         self._changed = False
 
+    @property
+    def answers(self) -> bool:
+        """Whether nothing has failed since it was heard last."""
+        return not self._failures
+
     def answered(self, boot_id: str, *, engaged: bool) -> bool:
         """Take note of an answer, of whatever kind.
 

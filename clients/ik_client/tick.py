@@ -11,6 +11,12 @@ from ik_proto import Array, SolveReply
 
 NO_HANDS = Hands(None, None)
 
+NO_STEP = 1e-6
+"""Step of a joint in a tick that is none [rad]."""
+
+NO_TORQUE = 1e-3
+"""Change of a torque in a tick that is none [N m]."""
+
 
 class Hold(Exception):
     """Why a tick cannot follow, in one line."""
@@ -142,6 +148,11 @@ def resting_goal(measured: RobotState | None, last: Command) -> Array:
     if measured is None or measured.q_set is None or measured.following or last.engaged:
         return np.full(len(last.q), np.nan)
     return measured.q_set
+
+
+def is_same(command: Command, last: Command) -> bool:
+    """Whether a command changes nothing of the one before."""
+    return bool(np.abs(command.q - last.q).max() <= NO_STEP and np.abs(command.tau - last.tau).max() <= NO_TORQUE)
 
 
 def frozen(vector: Array) -> Array:

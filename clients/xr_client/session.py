@@ -13,6 +13,7 @@ import numpy as np
 
 from ik_client.client import IKClient
 from ik_client.clutch import Clutch
+from ik_client.ending import come_to_rest
 from ik_client.engagement import ArmEngagement
 from ik_client.joint_limiter import JointLimiter
 from ik_client.pacer import Pacer
@@ -126,8 +127,7 @@ def _loop(
             for line in visitors.look(tracker.connections, pose.connected, pose.device, time.monotonic()):
                 say(line)
         rest -= isinstance(source, Replay) and source.finished
-    loop.stop("ik-xr ends")
-    tick()
+    come_to_rest(loop, "ik-xr ends", tick, pacer)
 
 
 def _welcome(gateway: Gateway, say: Say, *, terminal: bool) -> None:

@@ -143,7 +143,11 @@ def test_stages_count_a_frame_once_and_to_the_command():
 
 
 def loop_thread(tick, stop=lambda: None, finished=lambda: False) -> LoopThread:
-    return LoopThread(tick, stop, Pacer(1e-3), lambda _pacer: None, finished)
+    def end(tick) -> None:
+        stop()
+        tick()
+
+    return LoopThread(tick, end, Pacer(1e-3), lambda _pacer: None, finished)
 
 
 def test_the_loop_ticks_until_it_is_told_to_end_and_disarms_before_the_last_tick():

@@ -9,8 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ik_client import ArmState, Command, ProtocolMismatch, Refused, RobotState, ServiceTimeout, ServiceUnavailable
+from ik_client.ending import LONGEST, come_to_rest
 from ik_client.homing import Homing
 from ik_client.joint_limiter import JointLimiter, MotionLimits
+from ik_client.pacer import Pacer
 from ik_client.rate_loop import RateLoop
 from ik_client.rate_types import RateLaw, RateReport, Wish
 from ik_proto import ClearanceReply, FkReply, SolveReply, Status, VelocityReply
@@ -407,6 +409,31 @@ def test_gravity_torque_goes_along_and_stays_when_it_cannot_be_told(bench):
     bench.service.fault = ServiceUnavailable("tcp://x", "nobody answers")
     bench.ticks(100)
     np.testing.assert_array_equal(bench.robot.commands[-1].tau, np.arange(N))
+
+
+@pytest.mark.parametrize("silent", [False, True])
+def test_a_run_ends_when_the_arms_rest_with_the_torque_of_that_posture(silent):
+    bench = Bench()
+    solve = bench.service.solve
+
+    def springs(left_wrist, right_wrist, q, dq, **options):
+        return replace(solve(left_wrist, right_wrist, q, dq, **options), tau=10.0 * q)
+
+    bench.service.solve = springs
+    bench.moving()
+    assert not bench.loop.rests
+    bench.service.fault = ServiceTimeout("tcp://x", 0.01) if silent else None
+
+    def pause(seconds: float) -> None:
+        bench.now += seconds
+
+    begin = bench.now
+    come_to_rest(bench.loop, "the end", bench.tick, Pacer(TICK, lambda: bench.now, pause))
+    assert bench.loop.rests
+    assert bench.now - begin <= LONGEST
+    last = bench.robot.commands[-1]
+    assert not bench.velocities()[-1].any()
+    assert np.allclose(last.tau, 10.0 * last.q, atol=1e-9) is not silent
 
 
 def test_the_torque_that_the_robot_holds_is_kept_until_it_is_known():

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +28,10 @@ from ik_client import (
     TickReport,
     WeightedMovingFilter,
 )
+from ik_client.ending import LONGEST, come_to_rest
 from ik_client.joint_limiter import JointLimiter, MotionLimits
+from ik_client.pacer import Pacer
+from ik_client.resting_torque import RATE
 from ik_proto import ClearanceReply, FkReply, SolveReply, Status
 
 pytest.importorskip("ruckig")
@@ -240,18 +245,24 @@ def test_letting_go_brakes_from_that_very_tick_on():
 
 def test_one_hand_moves_one_arm():
     bench = Bench(feed_forward=True)
-    bench.service.says = lambda q: answer(np.concatenate([np.ones(7), q[7:]]), tau=np.full(N, 3.0))
+
+    def says(q):
+        if bench.service.options[-1]["collision"] == "off":  # the torque of where an arm rests
+            return answer(q, tau=np.full(N, 1.0))
+        return answer(np.concatenate([np.ones(7), q[7:]]), tau=np.full(N, 3.0))
+
+    bench.service.says = says
     report = bench.engage(right=False)
     left, right = report.targets
     assert left is not None
     assert right is None
-    np.testing.assert_array_equal(bench.service.asked[-1][1], bench.service.wrists().right_wrist)
+    assert all((right == bench.service.wrists().right_wrist).all() for _, right, _, _ in bench.service.asked)
     bench.ticks(60)
     last = bench.robot.commands[-1]
     np.testing.assert_allclose(last.q[LEFT], 1.0, atol=1e-9)
     np.testing.assert_array_equal(last.q[RIGHT], np.zeros(7))
     np.testing.assert_array_equal(last.tau[LEFT], np.full(7, 3.0))
-    np.testing.assert_array_equal(last.tau[RIGHT], np.zeros(7))
+    np.testing.assert_array_equal(last.tau[RIGHT], np.full(7, 1.0))
 
 
 def test_an_answer_that_needs_the_held_arm_elsewhere_is_not_followed():
@@ -647,6 +658,150 @@ def test_feed_forward_torque_arrives_with_the_joints():
     assert (np.diff(tau) >= 0.0).all()
     np.testing.assert_allclose(tau, 50.0 * q, atol=1e-9)  # as far on its way as the joints are on theirs
     assert tau[-1] == 5.0
+
+
+def spring(q) -> np.ndarray:
+    """What the torque of a posture is, for the tests below [N m]."""
+    return 50.0 * q
+
+
+class Holding(Bench):
+    """A loop whose service knows the torque of every posture; an arm that follows goes to one radian, all joints.
+
+    Attributes:
+        questions: How many commands had been sent when a torque was asked for.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(feed_forward=True)
+        self.questions: list[int] = []
+        self.service.says = self.knows
+
+    def knows(self, q) -> SolveReply:
+        if self.service.options[-1]["collision"] != "off":
+            return answer(np.ones(N), tau=spring(np.full(N, 2.0)), boot_id=self.service.boot_id)
+        self.questions.append(len(self.robot.commands))
+        return answer(q, tau=spring(q), boot_id=self.service.boot_id)
+
+    def has_the_torque_of_its_posture(self, arm=slice(None)) -> bool:
+        last = self.robot.commands[-1]
+        return at_rest(self.robot.commands) and bool(np.abs(last.tau - spring(last.q))[arm].max() <= 1e-6)
+
+    def largest_change(self, since: int) -> float:
+        return float(np.abs(np.diff([command.tau for command in self.robot.commands[since:]], axis=0)).max())
+
+
+def test_an_arm_that_brakes_gets_the_torque_of_where_it_rests_evenly():
+    """Asked for once, when the command of that tick is on its way."""
+    bench = Holding()
+    bench.engage()
+    bench.ticks(5)
+    assert not bench.has_the_torque_of_its_posture()
+    bench.tracker.grip = [False, False]
+    before, asked = len(bench.robot.commands), len(bench.questions)
+    bench.ticks(60)
+    assert bench.has_the_torque_of_its_posture()
+    assert bench.questions[asked:] == [before + 1]
+    assert bench.largest_change(before - 1) <= RATE * TICK * SLACK
+    bench.assert_bounded()
+
+
+def test_an_arm_that_waits_for_the_other_gets_the_torque_of_where_it_rests():
+    bench = Holding()
+    bench.engage()
+    bench.ticks(5)
+    bench.tracker.grip = [True, False]
+    reports = bench.ticks(60)  # the answer moves both arms to one
+    assert bench.loop.states[0] is ArmState.ACTIVE
+    assert reports[-1].reason == "the right arm, which holds, is in the way"
+    assert bench.has_the_torque_of_its_posture()
+
+
+def test_an_arm_that_stands_before_the_body_gets_the_torque_of_where_it_stands():
+    bench = Holding()
+
+    def wall(q):
+        reply = bench.service.clear(q, 0.0)
+        reply.clearance = 0.4 - q[:, 0]
+        return reply
+
+    bench.service.measures = wall
+    bench.engage()
+    assert bench.ticks(100)[-1].state is LoopState.TRACKING
+    assert bench.robot.commands[-1].q.max() < 0.4
+    assert bench.has_the_torque_of_its_posture()
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_torque_that_cannot_be_told_stays_and_is_asked_for_again(name):
+    said, _ = FAULTS[name]
+    bench = Holding()
+    bench.engage()
+    before = bench.ticks(5)[-1].command.tau
+    bench.service.says = lambda q: said
+    bench.tracker.grip = [False, False]
+    reports = bench.ticks(60)
+    np.testing.assert_array_equal([report.command.tau for report in reports], [before] * len(reports))
+    assert {report.reason for report in reports} <= {"the grip was released", "hold for too long"}
+    bench.service.says = bench.knows
+    bench.ticks(60)
+    assert bench.has_the_torque_of_its_posture()
+
+
+def test_a_silent_service_is_not_asked_twice_in_a_tick():
+    """Hazard: loop overrun. Each question may take half a tick."""
+    bench = Holding()
+    bench.engage()
+    bench.ticks(5)
+    asked: list[float] = []
+
+    def silence(_q):
+        asked.append(bench.now)
+        return ServiceTimeout(URL, 0.01)
+
+    bench.service.says = bench.service.knows = bench.service.measures = silence
+    bench.ticks(60)
+    assert len(asked) == len(set(asked))
+    assert len(asked) > 5
+
+
+def test_another_run_of_the_service_that_tells_a_torque_disarms_what_is_under_way():
+    """Hazard: service restart."""
+    bench = Holding()
+    bench.engage()
+    bench.ticks(5)
+    bench.service.boot_id = "b"
+    bench.tracker.grip = [False, False]
+    bench.ticks(2)
+    assert bench.loop.states == (ArmState.DISARMED,) * 2
+
+
+@pytest.mark.parametrize("silent", [False, True])
+def test_a_run_ends_when_the_arms_rest(silent):
+    bench = Holding()
+    bench.engage()
+    bench.ticks(5)
+    if silent:
+        bench.service.says = bench.service.knows = lambda q: ServiceTimeout(URL, 0.01)
+    moved = bench.robot.commands[-1].q.copy()
+    pacer = Pacer(TICK, lambda: bench.now, lambda seconds: None)
+    before = len(bench.robot.commands)
+    come_to_rest(bench.loop, "the end", bench.tick, pacer)
+    assert bench.loop.rests
+    assert at_rest(bench.robot.commands)
+    assert bench.has_the_torque_of_its_posture() is not silent
+    assert 5 < len(bench.robot.commands) - before <= LONGEST / TICK + 1
+    assert np.abs(bench.robot.commands[-1].q - moved).max() > 0.05
+    come_to_rest(bench.loop, "again", bench.tick, pacer)  # nothing is left to be done
+    assert len(bench.robot.commands) - before <= LONGEST / TICK + 2
+
+
+def test_a_run_ends_although_the_arms_never_rest():
+    """A limiter that never stops, or a robot's end that moves its joints on and on."""
+    ticks: list[int] = []
+    loop: Any = SimpleNamespace(rests=False, stop=lambda reason: ticks.append(0))
+    come_to_rest(loop, "the end", lambda: ticks.append(1), Pacer(TICK, lambda: 0.0, lambda seconds: None))
+    assert ticks == [0] + [1] * (round(LONGEST / TICK) + 1)
 
 
 def test_without_feed_forward_there_is_no_torque():

@@ -37,6 +37,7 @@ HAZARDS = (
     "torque limits",
     "loop overrun",
     "rocking body",
+    "stale torque",
     "switch gone",
     "covered limb",
     "passer-by",
@@ -66,7 +67,7 @@ def docstrings() -> dict[str, str]:
 
 def test_every_hazard_has_its_row() -> None:
     assert tuple(rows()) == HAZARDS
-    assert len(HAZARDS) == 32
+    assert len(HAZARDS) == 33
 
 
 @pytest.mark.parametrize("hazard", [hazard for hazard in HAZARDS if hazard != DOCUMENTED_ONLY])

@@ -50,7 +50,7 @@ class Run:
         arms = (scripted_arm(), scripted_arm())
         self.loop = TeleopLoop(ik, operator, self.robot, limiter, arms=arms, feed_forward=True, clock=lambda: self.now)
         if steady is not None:
-            self.loop._waist = steady
+            self.loop._partners.waist = steady
         self.wait(lambda: self.loop.states == (ArmState.ACTIVE, ArmState.ACTIVE), 4.0)
 
     def wait(self, condition: Callable[[], bool], limit: float) -> None:
