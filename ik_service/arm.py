@@ -27,6 +27,13 @@ MIN_PIVOT = 0.08
 BLOCKS = (4, 4, 6)
 """Nesting of the iterations of a descent. Tracking takes 2 or 3 iterations, a random start 10 to 40."""
 
+HINTED_HYPEREXTENSION = 2.0
+"""How much more an elbow beyond the straight arm weighs, per weight of its hint [m^2/rad^2].
+
+A hint comes from a person, whose elbow does not bend that way. An arm whose nearly straight elbow has slipped there, as
+the person's bend changed its side, finds its way back, and does not stay there until it is straight again. Without a
+hint nothing says on which side the elbow should be."""
+
 ARM_OPTIONS = ("position", "rotation", "elbow", "elbow_x", "elbow_y", "elbow_z")
 """Weights of an arm's wrist and elbow, and the unit direction from shoulder to elbow that is wished for (in the base
 frame)."""
@@ -110,11 +117,12 @@ def arm_problem(chain: ArmChain) -> ca.Function:
     position, rotation, elbow = ca.vertsplit(options[:3])
     regularization, smoothness, hyperextension, enough, _ = ca.vertsplit(shared)
     upper_arm = chain.upper_arm
+    beyond = hyperextension + HINTED_HYPEREXTENSION * elbow
     problem = ArmProblem(
         q_last=q,
         p_target=p_target,
         quaternion_target=quaternion_of(R_target),
-        weights=ca.vertcat(position, rotation, regularization, smoothness, elbow, hyperextension, enough),
+        weights=ca.vertcat(position, rotation, regularization, smoothness, elbow, beyond, enough),
         p_elbow_target=chain.shoulder + upper_arm * (R.T @ options[3:]),
     )
     return ca.Function(f"{chain.side}_problem", [q, T, options, shared, R, p], [problem.join()], {"cse": True})

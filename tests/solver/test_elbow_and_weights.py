@@ -115,9 +115,13 @@ def test_no_confidence_is_no_hint(robot: Robot, precise_solver: Solver, front: n
 def test_hint_never_costs_a_reachable_target(
     robot: Robot, precise_solver: Solver, clear_postures: Callable[[int, int], np.ndarray]
 ) -> None:
-    """Even where it asks for the impossible, an elbow behind the back or above the head."""
+    """Even where it asks for the impossible, an elbow behind the back; of arms that bend as people's do."""
     rng = np.random.default_rng(3)
-    for q in clear_postures(3, 60):
+    straight, _ = robot.arms[0].straight_elbow
+    postures = clear_postures(3, 150)
+    postures = postures[(postures[:, [3, 10]] < straight - 0.1).all(axis=1)]
+    assert len(postures) > 50
+    for q in postures:
         start = np.clip(q + rng.normal(0.0, 0.05, robot.nq), robot.lower, robot.upper)
         hints: dict[str, Any] = {}
         for side in ("left_elbow", "right_elbow"):
@@ -209,3 +213,53 @@ def test_less_confidence_gives_way(robot: Robot, precise_solver: Solver, front: 
     position, rotation = np.array(errors).T
     assert (np.diff(position) < 0.0).all()
     assert (np.diff(rotation) > 0.0).all()
+
+
+def test_hint_leads_back_through_the_straight_arm(
+    robot: Robot, precise_solver: Solver, elbow_direction: ElbowDirection
+) -> None:
+    """An elbow that bends the way no person's does bends as a person's again. Without a hint it stays as it is.
+
+    Its wrist can stay where it is: the elbow goes to the other side of the line from shoulder to wrist.
+    """
+    straight = robot.arms[0].straight_elbow[0] + 0.1
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        posture = np.zeros(robot.nq)
+        posture[[0, 7]], posture[[3, 10]] = rng.uniform(-2.0, 0.5), straight + rng.uniform(0.1, 0.3)
+        posture[1], posture[2], posture[4] = rng.uniform(0.2, 1.2), (yaw := rng.uniform(1.3, 1.8)), -yaw
+        posture[[8, 9, 11]] = -posture[[1, 2, 4]]
+        targets = robot.fk(posture)
+        hints: dict[str, Any] = {
+            f"{side}_elbow": np.array([*elbow_direction(posture, arm, None), 1.0])
+            for arm, side in enumerate(("left", "right"))
+        }
+        hinted = unhinted = posture
+        for _ in range(30):
+            unhinted = precise_solver.solve(*targets, unhinted, collision="off").q
+            solution = precise_solver.solve(*targets, hinted, collision="off", **hints)
+            assert solution.status is Status.OK
+            assert solution.position_error.max() < 1e-3
+            hinted = solution.q
+        assert np.all(unhinted[[3, 10]] > straight + 0.05)
+        assert np.all(hinted[[3, 10]] < straight)
+
+
+def test_what_a_hint_costs_an_elbow_that_bends_backwards(
+    robot: Robot, precise_solver: Solver, clear_postures: Callable[[int, int], np.ndarray]
+) -> None:
+    """Where it cannot go over, as joints end before, it gives way by millimetres: a hint is for people's arms."""
+    rng = np.random.default_rng(4)
+    straight = robot.arms[0].straight_elbow[0] + 0.1
+    postures = clear_postures(4, 100)
+    postures = postures[(postures[:, [3, 10]] > straight).any(axis=1)]
+    assert len(postures) > 20
+    off = []
+    for q in postures:
+        hints: dict[str, Any] = {}
+        for side in ("left_elbow", "right_elbow"):
+            direction = rng.normal(size=3)
+            hints[side] = np.array([*direction / np.linalg.norm(direction), 1.0])
+        solution = precise_solver.solve(*robot.fk(q), q, collision="off", **hints)
+        off.append(solution.position_error.max())
+    assert max(off) < 5e-3
