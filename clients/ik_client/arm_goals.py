@@ -4,10 +4,12 @@
   a solver that starts from a sagging arm creeps after it.
 - An arm that holds while the other follows is solved for where it is. Should the answer need it elsewhere, to keep the
   two apart, the other arm waits.
+- An arm that is caught far from a target within reach starts where a search has found that it is reached (`ways_out`).
 - The measured waist without its swing, and the elbow directions and weights a tracker gives, go with every solve.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +19,7 @@ from ik_client.resting_wrists import RestingWrists
 from ik_client.tick import Hold, Tick, usable
 from ik_client.tick_report import Seed
 from ik_client.types import Command, Kinematics, RobotState
+from ik_client.ways_out import STARTS, WaysOut
 from ik_proto import Array, Collision, SolveReply
 from ik_proto.smoothing import WeightedMovingFilter
 
@@ -36,6 +39,7 @@ class ArmGoals:
         feed_forward: bool,
         collision: Collision | None,
         agreement: float,
+        ways_out: bool,
     ) -> None:
         """Take whom to ask, and how; see `TeleopLoop`.
 
@@ -46,6 +50,7 @@ class ArmGoals:
             feed_forward: Whether their torque is wanted.
             collision: What to do about self-collision.
             agreement: Largest difference of a joint's command and measurement with which the command counts [rad].
+            ways_out: Whether arms that are caught are led out. Whoever moves them must check what is in the way.
         """
         self._ik = ik
         self._partners = partners
@@ -54,6 +59,8 @@ class ArmGoals:
         self._collision: Collision | None = collision
         self._agreement = agreement
         self._wrists = RestingWrists(partners.fk)
+        self._ways_out = WaysOut(partners) if ways_out else None
+        self._search: Callable[[], SolveReply] | None = None
 
     def wrist(self, side: int, rest: Array, waist: Array | None) -> Array:
         """Where a wrist is at rest, `T_pelvis_wrist`, shape (4, 4) [m]; raises where the service does not tell."""
@@ -63,6 +70,8 @@ class ArmGoals:
         """Note that no arm has a target, and find out whether a service in trouble is back."""
         if self._smoothing:
             self._smoothing.reset()
+        if self._ways_out:
+            self._ways_out.forget()
         if self._partners.service.trouble(tick.time):
             try:
                 self._partners.fk(last.q, None)
@@ -90,6 +99,8 @@ class ArmGoals:
         wanted = [self.wrist(side, rest, tick.waist) if T is None else T for side, T in enumerate(targets)]
         reply = tick.reply = self._solve(tick, wanted, measured, last)
         q, tau = self._partners.solution(reply, tick.time, lambda: self._read(reply, n))
+        if self._ways_out:
+            self._ways_out.answered(reply, targets, last.q, tick.time)
         if self._smoothing:
             q = self._smoothing(q)
         goal, torque = np.full(n, np.nan), last.tau.copy()
@@ -99,7 +110,12 @@ class ArmGoals:
                 goal[arm], torque[arm] = q[arm], tau[arm]
             elif np.max(np.abs(q[arm] - rest[arm])) > HELD_STILL:
                 raise Hold(f"the {SIDES[side]} arm, which holds, is in the way")
-        return goal, torque
+        return self._ways_out.slowed(last.q, goal, last.tau, torque) if self._ways_out else (goal, torque)
+
+    def look_for_ways_out(self, tick: Tick) -> None:
+        """Search for the way out of an arm that is caught, once the tick's command is on its way."""
+        if self._ways_out and self._search and tick.reply is not None:
+            self._ways_out.look(self._search, tick.time)
 
     def _read(self, reply: SolveReply, n: int) -> tuple[Array, Array]:
         q = usable(reply.sol_q, n, "the answer")
@@ -107,17 +123,15 @@ class ArmGoals:
 
     def _solve(self, tick: Tick, targets: list[Array], measured: RobotState, last: Command) -> SolveReply:
         agrees = bool(np.all(np.abs(last.q - measured.q) <= self._agreement))
-        tick.seed = Seed.COMMAND if agrees else Seed.MEASURED
-        return self._partners.ask_timed(
-            tick,
-            lambda: self._ik.solve(
-                *targets,
-                last.q if agrees else measured.q,
-                measured.dq,
-                waist=tick.waist,
-                left_elbow=tick.hands.left_elbow,
-                right_elbow=tick.hands.right_elbow,
-                weights=tick.hands.weights,
-                collision=self._collision,
-            ),
-        )
+        tick.seed, q = (Seed.COMMAND, last.q) if agrees else (Seed.MEASURED, measured.q)
+        if self._ways_out and self._ways_out.under_way:
+            tick.seed, q = Seed.FOUND, self._ways_out.start(q)
+        hints: dict[str, Any] = {
+            "waist": tick.waist,
+            "left_elbow": tick.hands.left_elbow,
+            "right_elbow": tick.hands.right_elbow,
+            "weights": tick.hands.weights,
+            "collision": self._collision,
+        }
+        self._search = lambda: self._ik.solve(*targets, q, measured.dq, mode="reach", starts=STARTS, **hints)
+        return self._partners.ask_timed(tick, lambda: self._ik.solve(*targets, q, measured.dq, **hints))

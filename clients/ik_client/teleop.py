@@ -85,11 +85,17 @@ class TeleopLoop:
         self._period = period
         self._clock = clock
         partners = self._partners = Partners(ik, port, lambda: any(s in UNDER_WAY for s in self.states), clock)
+        checks = isinstance(limiter, JointLimiter) and collision in (None, "avoid")
         self._goals = ArmGoals(
-            ik, partners, smoothing=smoothing, feed_forward=feed_forward, collision=collision, agreement=agreement
+            ik,
+            partners,
+            smoothing=smoothing,
+            feed_forward=feed_forward,
+            collision=collision,
+            agreement=agreement,
+            ways_out=checks,
         )
         self._torque = RestingTorque(ik, partners) if feed_forward else None
-        checks = isinstance(limiter, JointLimiter) and collision in (None, "avoid")
         self._way = ClearWay(limiter, partners.clearance) if checks else None
         self._fault = ""
         self._clear = False
@@ -164,6 +170,7 @@ class TeleopLoop:
             if not tracking or step.target is None or _stands_short(last.q[arm], q[arm], goal[arm])
         ]
         command = self._send(tick, last, q, tau, held)
+        self._goals.look_for_ways_out(tick)
         return tick.report(steps, command, tracking, _reason_of(steps))
 
     def _look_at_hands(self, tick: Tick) -> None:

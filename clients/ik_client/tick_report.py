@@ -20,6 +20,7 @@ class Seed(StrEnum):
 
     COMMAND = "command"
     MEASURED = "measured"
+    FOUND = "found"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

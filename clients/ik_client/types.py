@@ -132,6 +132,7 @@ class Solver(Protocol):
         right_elbow: Array | None = None,
         weights: Array | None = None,
         collision: Collision | None = None,
+        starts: int | None = None,
     ) -> SolveReply:
         """Find joint positions for two wrist targets; see `IKClient.solve`."""
         ...

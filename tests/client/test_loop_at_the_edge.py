@@ -1,4 +1,4 @@
-"""The loop with a real service where bodies end: out of reach, a straight elbow, arms that would meet.
+"""The loop with a real service where bodies end: out of reach, a straight elbow, caught arms, arms that would meet.
 
 The clock advances by a tick a tick, so that a slow machine changes nothing.
 """
@@ -19,12 +19,14 @@ from ik_client import (
     LoopState,
     PoseGate,
     RobotState,
+    Seed,
     TeleopLoop,
     TickReport,
 )
 from ik_client.clear_way import KEPT
 from ik_client.joint_limiter import JointLimiter, MotionLimits
-from ik_proto import MAX_POSTURES, Array, Status
+from ik_client.ways_out import AHEAD
+from ik_proto import MAX_POSTURES, Array, SolveReply, Status
 
 TICK = 0.02
 LIMITS = MotionLimits()
@@ -66,12 +68,12 @@ def absolute() -> ArmEngagement:
 
 
 class Run:
-    """A loop on a path, from the posture of all joints at zero."""
+    """A loop on a path, from the posture of all joints at zero, or another one."""
 
-    def __init__(self, ik: IKClient, path: Path) -> None:
+    def __init__(self, ik: IKClient, path: Path, q: Array | None = None) -> None:
         info = ik.info()
         self.ik, self.now = ik, 0.0
-        self.arms = Arms(np.clip(np.zeros(len(info.joint_names)), info.lower, info.upper))
+        self.arms = Arms(np.clip(np.zeros(len(info.joint_names)) if q is None else q, info.lower, info.upper))
         limiter = JointLimiter(len(self.arms.q), TICK, lower=info.lower, upper=info.upper)
         self.loop = TeleopLoop(
             ik, Operator(path), self.arms, limiter, arms=(absolute(), absolute()), clock=lambda: self.now
@@ -100,6 +102,31 @@ def ik(service_process) -> Iterator[IKClient]:
 def home(ik: IKClient) -> tuple[Array, Array]:
     wrists = ik.fk(np.zeros(len(ik.info().joint_names)))
     return wrists.left_wrist, wrists.right_wrist
+
+
+CAUGHT = np.array([1.84, 2.2, 1.54, -0.1, -1.26, 0.03, 0.31])
+"""Where a left arm ended that had been stretched out to the side, and then reached forward [rad]."""
+FORWARD = np.array([-1.2, 0.3, 0.1, 1.2, 0.0, 0.0, 0.0])
+MIRRORED = np.array([1.0, -1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+
+
+def forward(ik: IKClient) -> tuple[Array, Array]:
+    """Both wrists where arms that reach forward have them."""
+    wrists = ik.fk(np.concatenate([FORWARD, MIRRORED * FORWARD]))
+    return wrists.left_wrist, wrists.right_wrist
+
+
+@pytest.fixture
+def modes(ik, monkeypatch) -> list[str | None]:
+    """The modes in which the service is asked to solve."""
+    asked, solve = [], ik.solve
+
+    def noted(*args, **options) -> SolveReply:
+        asked.append(options.get("mode"))
+        return solve(*args, **options)
+
+    monkeypatch.setattr(ik, "solve", noted)
+    return asked
 
 
 def shifted(T: Array, way: Array) -> Array:
@@ -214,3 +241,72 @@ def smallest_clearance(ik: IKClient, run: Run) -> float:
     q = np.array([command.q for command in run.arms.commands])
     parts = [ik.clearance(part).clearance for part in np.array_split(q, 1 + len(q) // MAX_POSTURES)]
     return min(float(part.min()) for part in parts if part is not None)
+
+
+def test_a_solver_alone_leaves_a_caught_arm_where_it_is(ik):
+    left, right = forward(ik)
+    q = np.concatenate([CAUGHT, MIRRORED * FORWARD])
+    for _ in range(300):
+        reply = ik.solve(left, right, q, np.zeros(len(q)))
+        q = reply.sol_q
+    assert reply.status is Status.UNREACHABLE
+    assert reply.position_error[0] > 0.1
+
+
+def test_a_caught_arm_is_led_out_slowly_and_then_follows(ik, modes):
+    targets = forward(ik)
+    run = Run(ik, lambda t: targets, np.concatenate([CAUGHT, MIRRORED * FORWARD]))
+    reports = run.ticks(7.0)
+    run.assert_bounded()
+    found = [report for report in reports if report.seed is Seed.FOUND]
+    assert 0 < len(found) < 4.0 / TICK
+    assert modes.count("reach") == 1
+    assert all(report.state is LoopState.TRACKING for report in reports[reports.index(found[0]) :])
+    # Slowly, and clear of the body; in the last of these ticks it has arrived.
+    q = np.array([report.command.q for report in found])
+    assert np.abs(np.diff(q[:-1, :7], axis=0)).max() <= AHEAD * 1.000001
+    assert ik.clearance(q[:MAX_POSTURES]).clearance.min() > KEPT - 1e-9
+    # It is there, and tracks from where it is again; the other arm was at rest all the time.
+    last = reports[-1]
+    assert last.seed is Seed.COMMAND
+    assert last.status is Status.OK
+    wrists = ik.fk(last.command.q)
+    assert np.linalg.norm(wrists.left_wrist[:3, 3] - targets[0][:3, 3]) < 1e-3
+    assert np.abs(q[:, 7:] - MIRRORED * FORWARD).max() < 0.01
+
+
+def test_an_arm_on_its_way_out_follows_a_hand_that_moves_on(ik):
+    left, right = forward(ik)
+
+    def path(t: float) -> tuple[Array, Array]:
+        return shifted(left, np.array([0.0, 0.03 * np.sin(t), 0.0])), right
+
+    run = Run(ik, path, np.concatenate([CAUGHT, MIRRORED * FORWARD]))
+    reports = run.ticks(8.0)
+    run.assert_bounded()
+    assert any(report.seed is Seed.FOUND for report in reports)
+    wrists = ik.fk(reports[-1].command.q)
+    assert np.linalg.norm(wrists.left_wrist[:3, 3] - path(8.0)[0][:3, 3]) < 0.01
+
+
+def test_what_is_out_of_reach_is_searched_for_once_in_a_while_and_moves_nothing(ik, modes):
+    left, right = forward(ik)
+    run = Run(ik, lambda t: (shifted(left, np.array([0.4, 0.0, 0.0])), right))
+    reports = run.ticks(6.0)
+    assert reports[-1].status is Status.UNREACHABLE
+    assert 2 <= modes.count("reach") <= 6
+    assert all(report.seed is Seed.COMMAND for report in reports[5:])
+    assert np.abs(reports[-1].command.q - reports[-50].command.q).max() < 0.05
+
+
+def test_a_hand_that_lets_go_stops_the_way_out(ik):
+    left, right = forward(ik)
+    run = Run(ik, lambda t: (left, right), np.concatenate([CAUGHT, MIRRORED * FORWARD]))
+    while run.ticks(TICK)[0].seed is not Seed.FOUND:
+        assert run.now < 5.0
+    run.ticks(0.3)
+    run.loop.stop()
+    rest = run.ticks(1.0)
+    assert all(report.state is LoopState.HOLDING for report in rest)
+    assert np.array_equal(rest[-1].command.q, rest[-10].command.q)
+    assert np.abs(rest[-1].command.q[:7] - CAUGHT).max() > 0.05
