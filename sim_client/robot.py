@@ -4,8 +4,8 @@
 - A `RobotGuard` has the last word, as on a real robot: whom to follow, how fast, and how much the set-point counts.
 - An onboard controller holds every joint at home. Of the arms, q* is the guard's set-point times its weight and the
   onboard controller's times the rest, and so is the feed-forward torque, which the onboard controller has none of.
-- Every physics step applies tau = kp (q* - q) - kd dq + feed-forward, with the gains of the description, and the motors
-  cut it at their limits.
+- The motors apply tau = kp (q* - q) - kd dq + feed-forward in every physics step, with the gains of the description,
+  and cut it at their limits; `motors` says how that stays stable.
 - The base is held in space.
 - Joints are found by name; their order in the model file does not matter.
 """
@@ -69,7 +69,6 @@ class SimRobot:
         self._q_address = np.array([joint.qposadr[0] for joint in joints])
         self._v_address = np.array([joint.dofadr[0] for joint in joints])
         self._kp = np.array([joint.kp for joint in described])
-        self._kd = np.array([joint.kd for joint in described])
         self._home = np.array([joint.home for joint in described])
         self._q_wanted = self._home.copy()
         self._tau = np.zeros(len(joints))
@@ -84,6 +83,7 @@ class SimRobot:
         lower, upper = _ranges([joints[i] for i in self._arms])
         self.guard = RobotGuard(len(self._arms), CONTROL_PERIOD, lower=lower, upper=upper, ramp=ramp)
         self.data.qpos[self._q_address] = self._q_wanted
+        self._command_motors()
         mujoco.mj_forward(self.model, self.data)
         self.show_targets(*self.wrists())
 
@@ -147,9 +147,8 @@ class SimRobot:
         self.ticks_without_command += not self._commanded
         self._commanded = False
         self._take_setpoint()
-        for _ in range(STEPS_PER_TICK):
-            self.data.ctrl[:] = self._torque()
-            mujoco.mj_step(self.model, self.data)
+        self._command_motors()
+        mujoco.mj_step(self.model, self.data, STEPS_PER_TICK)
         mujoco.mj_kinematics(self.model, self.data)  # Poses of the state that was reached, not of the one before it.
 
     def _take_setpoint(self) -> None:
@@ -158,10 +157,9 @@ class SimRobot:
         self._q_wanted[self._arms] = setpoint.weight * setpoint.q + onboard * self._home[self._arms]
         self._tau[self._arms] = setpoint.weight * setpoint.tau
 
-    def _torque(self) -> Array:
-        """Torque asked of each motor [N m]; the motor's limit is applied by the physics."""
-        q, dq = self.data.qpos[self._q_address], self.data.qvel[self._v_address]
-        return self._kp * (self._q_wanted - q) - self._kd * dq + self._tau
+    def _command_motors(self) -> None:
+        """Tell the motors where to be, and with what torque beside that of their own position control."""
+        self.data.ctrl[:] = self._kp * self._q_wanted + self._tau
 
     def wrists(self) -> tuple[Array, Array]:
         """Wrist poses `T_pelvis_wrist`, left and right, shape (4, 4) each [m]."""

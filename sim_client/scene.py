@@ -1,16 +1,15 @@
-"""The robot and its surroundings: floor, light, sky, one torque motor per hinge, and two targets one can see and drag.
+"""The robot and its surroundings: floor, light, sky, one motor per hinge, and two targets one can see and drag.
 
 Colours are the same everywhere: left is blue, right is orange, a target is translucent, a wrist is solid, and axes are
 red, green, blue for x, y, z.
 """
-
-import math
 
 import mujoco
 import numpy as np
 
 from ik_proto.robots import RobotDescription
 from sim_client.model import WRIST_SITES, compile_spec, load_spec
+from sim_client.motors import replace_motors
 
 PHYSICS_PERIOD = 0.005
 """Time step of the physics [s]."""
@@ -33,46 +32,21 @@ def build_scene(description: RobotDescription) -> mujoco.MjModel:
         description: The robot.
 
     Returns:
-        A compiled model whose actuators are torque motors [N m] named after their joints, limited as in the model file.
+        A compiled model whose actuators are named after their joints and take kp q* + tau_ff [N m]; see `motors`.
 
     Raises:
         RobotError: The description does not fit its model file.
     """
     spec = load_spec(description)
     spec.option.timestep = PHYSICS_PERIOD
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    _replace_motors(spec)
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # The motors' damping counts on it.
+    replace_motors(spec, description)
     _add_surroundings(spec)
     for name, colour in zip(TARGET_BODIES, COLOURS, strict=True):
         _add_target(spec, name, colour)
     for name, colour in zip(WRIST_SITES, COLOURS, strict=True):
         _show_wrist(spec.site(name), colour)
     return compile_spec(spec, description)
-
-
-def _replace_motors(spec: mujoco.MjSpec) -> None:
-    """Drive every hinge by torque, whatever actuators the file has; their limits stay."""
-    efforts = {joint.name: _effort(spec, joint) for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_HINGE}
-    for sensor in list(spec.sensors):
-        spec.delete(sensor)  # A sensor may refer to an actuator, and nothing here reads sensors.
-    for actuator in list(spec.actuators):
-        spec.delete(actuator)
-    for name, effort in efforts.items():
-        motor = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        motor.set_to_motor()
-        if math.isfinite(effort):
-            motor.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
-            motor.ctrlrange = [-effort, effort]
-
-
-def _effort(spec: mujoco.MjSpec, joint: mujoco.MjsJoint) -> float:
-    """Torque limit of a joint [N m]: its own in the file, else its motor's, else none."""
-    ranges = [joint.actfrcrange]
-    ranges += [actuator.forcerange for actuator in spec.actuators if actuator.target == joint.name]
-    for _, upper in ranges:
-        if upper > 0.0:
-            return float(upper)
-    return math.inf
 
 
 def _add_surroundings(spec: mujoco.MjSpec) -> None:
