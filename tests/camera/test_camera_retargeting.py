@@ -27,7 +27,7 @@ SOME = {
     "squat_level3_filter": (0.55, 0.99, 0.99, 0.2),
     "step_forward_forward_level2_filter": (0.18, 0.99, 0.99, 0.2),
     "walk_level1_filter": (0.42, 0.99, 0.97, 0.4),
-    "kick_level3_filter": (0.24, 0.93, 0.85, 0.4),
+    "kick_level3_filter": (0.24, 0.97, 0.95, 0.4),
     "Bolt_level1": (0.55, 0.88, 0.7, 2.0),
 }
 """Of some clips, of which share the person's arm is possible at least, of which share of that the elbow is like the
@@ -98,14 +98,14 @@ def test_without_a_way_out_an_arm_is_caught_by_the_body(motions: dict[str, Human
 
 @pytest.mark.timeout(300)
 def test_arms_are_missed_where_the_robot_is_behind(motions: dict[str, HumanMotion], retargeting: Retargeting):
-    """A robot without limits of speed misses nothing of a jump that this one misses half of."""
-    limbs = motions["jump_degree_level1_filter"].at(RATE)
+    """A robot without limits of speed misses nothing of a jump of which this one misses a fifth."""
+    limbs = motions["jump_degree_level4_filter"].at(RATE)
     possible = retargeting.possible(limbs)
     replay, unlimited = (
         retargeting.replay(limbs, possible=possible, start=start) for start in ("command", "unlimited")
     )
     judged = replay.judged()
-    assert (replay.elbow_off[judged] <= ELBOW_LIKE).mean() < 0.7
+    assert (replay.elbow_off[judged] <= ELBOW_LIKE).mean() < 0.9
     assert (unlimited.elbow_off[judged] <= ELBOW_LIKE).mean() >= 0.99
     assert {Cause.LATE, Cause.OTHER_BEND} >= {cause for cause in replay.causes[judged] if cause}
 
