@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from acted import ASIDE, BOTH_ACTIVE, LIMIT, Operator, Running, swaying
 from mirror_rig import Watcher
+from painted_person import DOWN, FORWARD, LEFT, limbs
 from processes import running
 
 from camera_client import session
@@ -46,6 +47,10 @@ def stands_still(watcher: Watcher, seconds: float = 0.3) -> bool:
     q = np.array([one.q_set for one in watcher.between(begin, time.monotonic())])
     assert len(q) > 2
     return float(np.abs(q - q[0]).max()) <= 1e-9
+
+
+WIDE = limbs((DOWN + 0.7 * LEFT, FORWARD + 0.5 * LEFT), (DOWN - 0.7 * LEFT, FORWARD - 0.5 * LEFT))
+"""Arms away from home."""
 
 
 def until_still(watcher: Watcher) -> bool:
@@ -214,11 +219,10 @@ def test_the_next_operator_begins_with_a_press_of_their_own(monkeypatch, robot, 
 def test_arms_go_home_first_then_come_and_all_of_it_slowly(monkeypatch, robot, service_process):
     """From wherever they were left: no joint is faster than half a radian a second until it follows. Hazard: homing."""
     operator = Operator()
-    operator.limbs = lambda t: swaying(t) * [1.0, 1.0, -1.0]  # forearms go down instead of up, upper arms are raised
     with Watcher(robot) as watcher, Running(monkeypatch, operator, service_process.tcp_url, robot, **AT_ONCE) as run:
         assert follows(run, operator, watcher)
         # Who stops in mid-swing leaves the torque of another posture behind, and the arm beside its command.
-        operator.limbs = lambda _t: swaying(0.0) * [1.0, 1.0, -1.0]
+        operator.limbs = lambda _t: WIDE
         assert until_still(watcher)
     operator.limbs = swaying
     commands: list[Command] = []
