@@ -96,8 +96,9 @@ class WaysOut:
             way = float(np.abs(reply.sol_q[arm] - q_last[arm]).max())
             if self._postures[side] is not None:
                 self._postures[side] = None if far or way <= ARRIVED else reply.sol_q[arm].copy()
+            since = self._since[side]
             stands = far and way <= STANDS and reply.status is Status.UNREACHABLE
-            self._since[side] = (self._since[side] or now) if stands else None
+            self._since[side] = (now if since is None else since) if stands else None
 
     def slowed(self, q_last: Array, goal: Array, tau_last: Array, tau: Array) -> tuple[Array, Array]:
         """Bring the goals of arms on their way out near.
