@@ -177,7 +177,9 @@ def test_a_headset_moves_the_robot(robot, service_process, tmp_path):
     assert set(report["stages_ms"]) == {"headset", "wait", "service", "command"}
     stages = report["stages_ms"]
     assert all(0.0 <= row["p50"] <= row["p95"] <= row["p99"] <= row["max"] < 1e3 * LIMIT for row in stages.values())
-    assert stages["command"]["n"] == stages["wait"]["n"] <= stages["headset"]["n"] <= report["packets"]["accepted"]
+    assert stages["wait"]["n"] <= stages["headset"]["n"] <= report["packets"]["accepted"]
+    # How old the first packets are is not known before the page has answered a first ping.
+    assert 0.95 * stages["wait"]["n"] <= stages["command"]["n"] <= stages["wait"]["n"]
     assert stages["command"]["p50"] >= stages["headset"]["p50"]
     # What was recorded can be played.
     recorded = read_recording(keep)
