@@ -38,6 +38,7 @@ HAZARDS = (
     "loop overrun",
     "rocking body",
     "stale torque",
+    "caught arm",
     "switch gone",
     "covered limb",
     "passer-by",
@@ -67,7 +68,7 @@ def docstrings() -> dict[str, str]:
 
 def test_every_hazard_has_its_row() -> None:
     assert tuple(rows()) == HAZARDS
-    assert len(HAZARDS) == 33
+    assert len(HAZARDS) == 34
 
 
 @pytest.mark.parametrize("hazard", [hazard for hazard in HAZARDS if hazard != DOCUMENTED_ONLY])
