@@ -254,7 +254,7 @@ def test_a_solver_alone_leaves_a_caught_arm_where_it_is(ik):
 
 
 def test_a_caught_arm_is_led_out_slowly_and_then_follows(ik, modes):
-    """Hazard "caught arm": nobody expects it to move."""
+    """Hazard: caught arm. It moves slowly, as nobody expects it to."""
     targets = forward(ik)
     run = Run(ik, lambda t: targets, np.concatenate([CAUGHT, MIRRORED * FORWARD]))
     reports = run.ticks(7.0)
@@ -291,7 +291,7 @@ def test_an_arm_on_its_way_out_follows_a_hand_that_moves_on(ik):
 
 
 def test_what_is_out_of_reach_is_searched_for_once_in_a_while_and_moves_nothing(ik, modes):
-    """Hazard "caught arm": one whose target is out of reach is not."""
+    """Hazard: caught arm. One whose target is out of reach is not caught."""
     left, right = forward(ik)
     run = Run(ik, lambda t: (shifted(left, np.array([0.4, 0.0, 0.0])), right))
     reports = run.ticks(6.0)
@@ -302,7 +302,7 @@ def test_what_is_out_of_reach_is_searched_for_once_in_a_while_and_moves_nothing(
 
 
 def test_a_hand_that_lets_go_stops_the_way_out(ik):
-    """Hazard "caught arm": the operator ends it like every other motion."""
+    """Hazard: caught arm. The operator ends its motion like every other one."""
     left, right = forward(ik)
     run = Run(ik, lambda t: (left, right), np.concatenate([CAUGHT, MIRRORED * FORWARD]))
     while run.ticks(TICK)[0].seed is not Seed.FOUND:
