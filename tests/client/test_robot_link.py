@@ -56,6 +56,7 @@ def test_a_motion_travels_beside_a_command(start):
         np.testing.assert_array_equal(seen.achieved, motion.achieved)
         assert (seen.limited_by, seen.limiting_joint) == (("", "speed"), (None, "a"))
         assert link.release(LIMIT)
+        wait_for(lambda: robot.arrivals[-1].command.release)  # The robot had nothing to give back, and said so before.
     assert robot.arrivals[-1].command.release
     assert robot.arrivals[-1].command.motion is None
 
