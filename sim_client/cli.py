@@ -15,9 +15,6 @@ EXIT_OK, EXIT_USAGE = 0, 2
 _ROBOT_ONLY = {"listen", "tls_cert", "tls_key", "tls_client_ca", "insecure", "eyes_to"}
 """Options of the robot alone."""
 
-_ACCESS = ("token_file", "ca", "cert", "key", "zenoh_config")
-"""Options by which a service lets us in."""
-
 _EPILOG = """\
 examples:
   ik-service serve                                     in one terminal, then in another:
@@ -89,7 +86,7 @@ def _simulate(options: dict) -> object:
     strays = _ROBOT_ONLY & options.keys()
     if strays:
         raise SettingsError(f"{_flag(min(strays))} goes with --listen only")
-    access = AccessFiles(**{name: str(options.pop(name)) for name in _ACCESS if name in options})
+    access = AccessFiles.taken_from(options)
     return run_session(Settings(access=access, **options), Console())
 
 

@@ -13,7 +13,6 @@ from ik_client.access_options import AccessFiles, add_access_options
 from ik_client.command import KeepGoing, run_command
 
 _PACKAGES = ("mediapipe", "cv2", "pygame", "rich", "hdrh", "ruckig")
-_ACCESS = ("token_file", "ca", "cert", "key", "zenoh_config")
 
 _EPILOG = """\
 examples:
@@ -64,7 +63,7 @@ def _run(options: dict[str, Any], keep_going: KeepGoing) -> None:
 
     if "enable" in options:
         options["enable"] = tuple(options["enable"])
-    options["access"] = AccessFiles(**{name: options.pop(name) for name in _ACCESS})
+    options["access"] = AccessFiles.taken_from(options)
     report = run(Settings(**options), _say, terminal=sys.stdout.isatty(), keep_going=keep_going)
     for line in report.lines():
         _say(line)

@@ -13,7 +13,6 @@ from ik_client.access_options import AccessFiles, add_access_options
 from ik_client.command import KeepGoing, run_command
 
 _PACKAGES = ("pygame", "rich", "hdrh", "ruckig")
-_ACCESS = ("token_file", "ca", "cert", "key", "zenoh_config")
 
 _EPILOG = """\
 examples:
@@ -74,7 +73,7 @@ def _run(options: dict[str, Any], keep_going: KeepGoing) -> None:
     from gamepad_client.session import run
     from gamepad_client.settings import Settings
 
-    access = AccessFiles(**{name: options.pop(name) for name in _ACCESS})
+    access = AccessFiles.taken_from(options)
     mapping = options.pop("mapping", None)
     layout = Layout() if mapping is None else read_layout(mapping)
     if "hold" in options:

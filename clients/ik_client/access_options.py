@@ -1,7 +1,7 @@
 """The options by which every command of a client is let in: a token file, certificates, Zenoh's own configuration."""
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from ik_client.access import ENVIRONMENT, read_token
@@ -26,9 +26,9 @@ class AccessFiles:
     zenoh_config: str = ""
 
     @classmethod
-    def of(cls, options: argparse.Namespace) -> "AccessFiles":
-        """Take what `add_access_options` has read."""
-        return cls(options.token_file, options.ca, options.cert, options.key, options.zenoh_config)
+    def taken_from(cls, options: dict[str, Any]) -> "AccessFiles":
+        """Take what `add_access_options` has read out of a command's options; what is not there stays empty."""
+        return cls(**{field.name: str(options.pop(field.name)) for field in fields(cls) if field.name in options})
 
     def arguments(self) -> dict[str, Any]:
         """Keyword arguments of `IKClient`.

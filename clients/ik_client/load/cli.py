@@ -92,7 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                     preset=options.preset,
                     mode=options.mode,
                     collision=options.collision,
-                    access=AccessFiles.of(options),
+                    access=AccessFiles.taken_from(vars(options)),
                 ),
                 progress,
             )
