@@ -172,6 +172,16 @@ class Bench:
         assert self.loop.states == wanted
         return self.tick()
 
+    def stand_before_a_wall(self) -> None:
+        """From now on the first joint meets the body at 0.4 rad."""
+
+        def wall(q):
+            reply = self.service.clear(q, 0.0)
+            reply.clearance = 0.4 - q[:, 0]
+            return reply
+
+        self.service.measures = wall
+
     def assert_bounded(self) -> None:
         assert_bounded(self.robot.commands)
 
@@ -280,13 +290,7 @@ def test_an_answer_that_needs_the_held_arm_elsewhere_is_not_followed():
 def test_a_step_that_could_not_be_stopped_clear_of_the_body_is_not_taken():
     """Hazard: self-collision. The answer is clear, but an arm with speed would be carried past it."""
     bench = Bench()
-
-    def wall(q):
-        reply = bench.service.clear(q, 0.0)
-        reply.clearance = 0.4 - q[:, 0]
-        return reply
-
-    bench.service.measures = wall
+    bench.stand_before_a_wall()
     bench.engage()
     bench.ticks(60)
     q = np.array([command.q[0] for command in bench.robot.commands])
@@ -719,13 +723,7 @@ def test_an_arm_that_waits_for_the_other_gets_the_torque_of_where_it_rests():
 
 def test_an_arm_that_stands_before_the_body_gets_the_torque_of_where_it_stands():
     bench = Holding()
-
-    def wall(q):
-        reply = bench.service.clear(q, 0.0)
-        reply.clearance = 0.4 - q[:, 0]
-        return reply
-
-    bench.service.measures = wall
+    bench.stand_before_a_wall()
     bench.engage()
     assert bench.ticks(100)[-1].state is LoopState.TRACKING
     assert bench.robot.commands[-1].q.max() < 0.4
