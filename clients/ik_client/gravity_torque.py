@@ -26,16 +26,14 @@ class GravityTorque:
         wrists: Wrist poses `T_pelvis_wrist` of the last question, left and right; None before the first answer.
     """
 
-    def __init__(self, ik: Kinematics, every: float = EVERY) -> None:
+    def __init__(self, ik: Kinematics) -> None:
         """Start without an answer.
 
         Args:
             ik: The service.
-            every: Time between two questions [s].
         """
         self.wrists: tuple[Array, Array] | None = None
         self._ik = ik
-        self._every = every
         self._asked = -np.inf
         self._q = np.full(0, np.nan)
 
@@ -46,7 +44,7 @@ class GravityTorque:
             now: Time [s], monotonic.
         """
         # Written so that a clock that stepped back counts as long ago.
-        return not 0.0 <= now - self._asked < self._every
+        return not 0.0 <= now - self._asked < EVERY
 
     def is_of(self, q: Array) -> bool:
         """Whether the last answer is the torque of this very posture.

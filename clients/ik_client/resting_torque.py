@@ -40,7 +40,7 @@ class RestingTorque:
             ik: The service.
             partners: Knows how it does.
         """
-        self._service = GravityTorque(ik, every=0.0)
+        self._service = GravityTorque(ik)
         self._partners = partners
         self._asked, self._due = -np.inf, -np.inf
         self._q = np.full(0, np.nan)

@@ -114,12 +114,13 @@ class WaysOut:
         """
         goal, tau = goal.copy(), tau.copy()
         for side, posture in enumerate(self._postures):
+            if posture is None:
+                continue
             arm = joints_of(side, len(goal))
             way = goal[arm] - q_last[arm]
             share = AHEAD / max(float(np.abs(way).max()), AHEAD)
-            if posture is not None:
-                goal[arm] = q_last[arm] + share * way
-                tau[arm] = tau_last[arm] + share * (tau[arm] - tau_last[arm])
+            goal[arm] = q_last[arm] + share * way
+            tau[arm] = tau_last[arm] + share * (tau[arm] - tau_last[arm])
         return goal, tau
 
     def look(self, search: Callable[[], SolveReply], now: float) -> None:
