@@ -43,8 +43,6 @@ class Stages(StageLatencies):
             clock: Monotonic time, the teleop loop's own [s].
         """
         super().__init__(STAGES, clock)
-        self._clock = clock
-        self._used: Look | None = None
 
     def seen(self, look: Look, found: float, lifted: float | None) -> None:
         """Take a frame.
@@ -70,9 +68,8 @@ class Stages(StageLatencies):
         now = self._clock()
         if report.round_trip is not None:
             self["ik"].add(1e3 * report.round_trip)
-        if used is None or used is self._used:
+        if used is None or not self.first_use(used):
             return
-        self._used = used
         self["wait"].add(1e3 * (report.time - used.ready))
         self["command"].add(1e3 * (now - used.received))
         self["whole"].add(1e3 * (now - used.captured))

@@ -23,11 +23,24 @@ class StageLatencies:
             clock: Monotonic time, the teleop loop's own [s].
         """
         self.words = words
+        self._clock = clock
         self._stages = {name: Latency(clock) for name in words}
+        self._used: object | None = None
 
     def __getitem__(self, name: str) -> Latency:
         """The stage of a name."""
         return self._stages[name]
+
+    def first_use(self, used: object | None) -> bool:
+        """Whether a tick is the first to use something; what an earlier tick has used gives no sample.
+
+        Args:
+            used: What it used; None for nothing.
+        """
+        if used is None or used is self._used:
+            return False
+        self._used = used
+        return True
 
     def recent(self) -> dict[str, float | None]:
         """Stages by name and what they took of late [ms]; None where there were no samples."""

@@ -41,8 +41,6 @@ class Stages(StageLatencies):
             clock: Monotonic time, the teleop loop's own [s].
         """
         super().__init__(STAGES, clock)
-        self._clock = clock
-        self._used: Arrival | None = None
 
     def observe(self, report: TickReport, used: Arrival | None, age_ms: AgeMs | None) -> None:
         """Take a tick, as soon as its command has been sent.
@@ -55,9 +53,8 @@ class Stages(StageLatencies):
         now = self._clock()
         if report.round_trip is not None:
             self["service"].add(1e3 * report.round_trip)
-        if used is None or used is self._used:
+        if used is None or not self.first_use(used):
             return
-        self._used = used
         self["wait"].add(1e3 * (report.time - used.time))
         age = 1e3 * (now - used.time) if age_ms is None else age_ms(used.packet.capture_ms, now)
         if age is not None:
