@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ik_client.access_options import AccessFiles, add_access_options
-from ik_client.command import KeepGoing, run_command
+from ik_client.command import KeepGoing, run_command, run_reported, say
 
 _PACKAGES = ("mediapipe", "cv2", "pygame", "rich", "hdrh", "ruckig")
 
@@ -64,29 +64,27 @@ def _run(options: dict[str, Any], keep_going: KeepGoing) -> None:
     if "enable" in options:
         options["enable"] = tuple(options["enable"])
     options["access"] = AccessFiles.taken_from(options)
-    report = run(Settings(**options), _say, terminal=sys.stdout.isatty(), keep_going=keep_going)
-    for line in report.lines():
-        _say(line)
+    run_reported(run, Settings(**options), keep_going)
 
 
 def _calibrate(options: dict[str, Any], keep_going: KeepGoing) -> None:
     from camera_client.calibrate import calibrate
 
-    calibrate(say=_say, keep_going=keep_going, **options)
+    calibrate(say=say, keep_going=keep_going, **options)
 
 
 def _record(options: dict[str, Any], keep_going: KeepGoing) -> None:
     from camera_client.record import record
 
-    record(say=_say, keep_going=keep_going, **options)
+    record(say=say, keep_going=keep_going, **options)
 
 
 def _models(_options: dict[str, Any], _keep_going: KeepGoing) -> None:
     from camera_client.models import make_models
 
-    _say("making the pose models lite, full and heavy ...")
+    say("making the pose models lite, full and heavy ...")
     for file in make_models():
-        _say(f"{file} ({file.stat().st_size / 1e6:.1f} MB)")
+        say(f"{file} ({file.stat().st_size / 1e6:.1f} MB)")
 
 
 _DO = {"run": _run, "calibrate": _calibrate, "record": _record, "models": _models}
@@ -167,7 +165,3 @@ def _run_options(parser: argparse.ArgumentParser) -> None:
     operation.add_argument("--report", metavar="FILE.json", type=Path, help="write what was done, with all latencies")
     operation.add_argument("--release", action="store_true", help="at the end, have the robot take its arms back")
     add_access_options(parser)
-
-
-def _say(line: str) -> None:
-    print(line, flush=True)

@@ -4,13 +4,12 @@ What it needs is imported after the arguments are read, so that `--help` and mis
 """
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from ik_client.access_options import AccessFiles, add_access_options
-from ik_client.command import KeepGoing, run_command
+from ik_client.command import KeepGoing, run_command, run_reported, say
 
 _PACKAGES = ("pygame", "rich", "hdrh", "ruckig")
 
@@ -65,7 +64,7 @@ def _run(options: dict[str, Any], keep_going: KeepGoing) -> None:
         from gamepad_client.listing import list_pads
 
         for line in list_pads(options.get("pads")):
-            _say(line)
+            say(line)
         return
     from dataclasses import replace
 
@@ -78,11 +77,7 @@ def _run(options: dict[str, Any], keep_going: KeepGoing) -> None:
     layout = Layout() if mapping is None else read_layout(mapping)
     if "hold" in options:
         layout = replace(layout, hold=options.pop("hold"))
-    report = run(
-        Settings(access=access, layout=layout, **options), _say, terminal=sys.stdout.isatty(), keep_going=keep_going
-    )
-    for line in report.lines():
-        _say(line)
+    run_reported(run, Settings(access=access, layout=layout, **options), keep_going)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -135,7 +130,3 @@ def _parser() -> argparse.ArgumentParser:
     session.add_argument("--release", action="store_true", help="at the end, have the robot take its arms back")
     add_access_options(parser)
     return parser
-
-
-def _say(line: str) -> None:
-    print(line, flush=True)

@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
+from typing import Any
 
 EXIT_OK, EXIT_USAGE = 0, 2
 
@@ -39,6 +40,25 @@ def run_command(name: str, extra: str, packages: Sequence[str], command: Callabl
     except (ValueError, IKError, OSError) as error:
         return fail(name, str(error))
     return EXIT_OK
+
+
+def run_reported(run: Callable[..., Any], settings: object, keep_going: KeepGoing) -> None:
+    """Run a session: it says what it has to say, and then its report is told.
+
+    Args:
+        run: Takes the settings, what says a line, whether the output is a terminal, and what tells whether to go on;
+            gives a report that has `lines`.
+        settings: What to run.
+        keep_going: Tells whether to go on.
+    """
+    report = run(settings, say, terminal=sys.stdout.isatty(), keep_going=keep_going)
+    for line in report.lines():
+        say(line)
+
+
+def say(line: str) -> None:
+    """Tell a person, or a program, a line at once."""
+    print(line, flush=True)
 
 
 def fail(name: str, message: str) -> int:

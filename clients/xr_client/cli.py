@@ -4,7 +4,6 @@ What it needs is imported after the arguments are read, so that `--help` and mis
 """
 
 import argparse
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -56,6 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: dict[str, Any], keep_going: Callable[[], bool]) -> None:
+    from ik_client.command import run_reported
     from xr_client.session import run
     from xr_client.settings import Settings
 
@@ -64,9 +64,7 @@ def _run(options: dict[str, Any], keep_going: Callable[[], bool]) -> None:
     # An emulated headset is in a browser on this machine; who names a port wants real ones too.
     if "emulate" in options and not options.keys() & _NETWORK:
         options["local_only"] = True
-    report = run(Settings(**options), _say, terminal=sys.stdout.isatty(), keep_going=keep_going)
-    for line in report.lines():
-        _say(line)
+    run_reported(run, Settings(**options), keep_going)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -121,7 +119,3 @@ def _parser() -> argparse.ArgumentParser:
     session.add_argument("--report", metavar="FILE.json", type=Path, help="write what was done, with all latencies")
     session.add_argument("--release", action="store_true", help="at the end, have the robot take its arms back")
     return parser
-
-
-def _say(line: str) -> None:
-    print(line, flush=True)
